@@ -1,10 +1,10 @@
-"""Configurations: dataclasses whose fields state their bounds and keep to them.
+"""Configurations: dataclasses that check the types and bounds of their fields.
 
-The metadata of a field can bound it:
+The metadata of a field can have these bounds:
 
-* `gt`, `ge`, `le`: a number, or each one of a list;
-* `among`: the allowed values, of the field or of each entry of a list;
-* `length`, `nonempty`: a list, or text.
+* `gt`, `ge`, `le`: limits of a number, or of each number in a list;
+* `among`: allowed values of the field, or of each entry of a list;
+* `length`, `nonempty`: limits on the length of a list or a text.
 
 The same bounds hold for scenario files; see drake_srg/scenario/typed_yaml.py.
 """
@@ -49,11 +49,11 @@ def names(allowed: Iterable[object]) -> str:
 def kind_problem(
     value: object, kind: type, describe: Callable[[Any], str] = repr
 ) -> str | None:
-    """Return why a value is not of a scalar type; None: it is.
+    """Return why a value does not have a scalar type, or None if it does.
 
     Args:
         value: Any value.
-        kind: `bool`, `int`, `float` or `str`. A `float` may be whole.
+        kind: `bool`, `int`, `float` or `str`. Whole numbers count as `float`.
         describe: Returns the text of a value, for the message.
     """
     if type(value) is kind is not float:
@@ -77,10 +77,10 @@ def kind_problem(
 
 
 def bounds_problem(value: Any, bounds: Mapping[str, Any]) -> str | None:
-    """Return why a value, or an entry of a list, is out of bounds; None: it is not.
+    """Return why a value, or an entry of a list, is out of bounds, or None.
 
     Args:
-        value: A value of the right type; None has no bounds.
+        value: A value of the right type. None is always within bounds.
         bounds: The metadata of its field.
     """
     if value is None:
@@ -112,8 +112,8 @@ _unchecked = contextvars.ContextVar("unchecked", default=False)
 def unchecked() -> Iterator[None]:
     """Let configurations take any value, for `yaml_load_typed`.
 
-    It first sets an optional number to 0, and then to the value read (up to Drake
-    1.58).
+    Up to Drake 1.58, that function sets an optional number to 0 before it sets the
+    value from the file.
     """
     token = _unchecked.set(True)
     try:
@@ -123,13 +123,13 @@ def unchecked() -> Iterator[None]:
 
 
 class Config:
-    """Base of configurations, which checks a field whenever it is set.
+    """Base class of configurations; checks a field whenever it is set.
 
-    A field of numbers or text, or of a list of them, must have its type and keep to its
-    bounds. Derive a dataclass from it.
+    Derive a dataclass from it. Fields that hold a number or text, or a list of these,
+    are checked against their annotation and bounds.
 
     Raises:
-        ScenarioError: If a field does not.
+        ScenarioError: If a value has the wrong type or is out of bounds.
     """
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -142,7 +142,7 @@ class Config:
 
 @functools.cache
 def _checks(config: type) -> Mapping[str, Callable[[Any], str | None]]:
-    """Return the check of each field that has one: it returns a value's problem."""
+    """Return the check of each field that has one; see `_check`."""
     kinds = typing.get_type_hints(config)
     checks = {
         field.name: _check(kinds[field.name], field) for field in dc.fields(config)
@@ -151,7 +151,10 @@ def _checks(config: type) -> Mapping[str, Callable[[Any], str | None]]:
 
 
 def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | None:
-    """Return the check of a field, which returns a value's problem; None: no check."""
+    """Return a function that returns a value's problem, or None for an unchecked field.
+
+    The function returns None if the value is fine.
+    """
     optional = False
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         options = typing.get_args(kind)
@@ -170,7 +173,7 @@ def _check(kind: Any, field: dc.Field[Any]) -> Callable[[Any], str | None] | Non
     in_range = item_kind is float and "among" not in field.metadata
 
     def check(value: Any) -> str | None:
-        # Most values are floats within their bounds, which takes no time.
+        # A fast path: most values are floats within their bounds.
         if in_range and type(value) is float and least <= value <= most:
             return None
         if value is None and optional:

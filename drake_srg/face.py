@@ -1,9 +1,9 @@
-"""Public names of packages (their faces), each imported when it is first used.
+"""Public names of packages (their faces), imported on first use.
 
 A package lists its public names in `__init__.pyi`, one `from MODULE import NAME as
 NAME` each. Type checkers read that file, and so does `face`. All other names are
-private. Therefore `import drake_srg.gripper` takes no time, and modules of a package
-cannot import each other in a circle through its public names.
+private. With this, `import drake_srg.gripper` takes no time, and a package's public
+names cannot cause circular imports.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def face(
     """Return a package's `__getattr__`, `__dir__` and `__all__` (PEP 562).
 
     Args:
-        package: Its `__name__`; `__init__.pyi` stands beside its `__init__.py`.
+        package: The package's `__name__`. Its `__init__.pyi` must be beside its
+            `__init__.py`.
     """
     module, homes = sys.modules[package], names_of(package)
 

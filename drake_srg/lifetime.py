@@ -3,16 +3,16 @@
 Two things keep a system written in Python, and with it the whole diagram, alive forever
 (measured with Drake 1.51.1 and 1.58; see tests/test_lifetime.py):
 
-* Drake holds the callback of an abstract output port or a cache entry, before 1.58 also
-  of a vector output port, in C++, where the collector cannot see it. A bound method
-  holds its system. (Event callbacks do not leak.)
+* Drake holds the callbacks of abstract output ports and cache entries in C++, where the
+  collector cannot see them. A callback that is a bound method keeps its system alive.
+  Before 1.58, this also applies to vector output ports. (Event callbacks do not leak.)
 * Up to Python 3.11, a pybind11 class and a Python class derived from it both report the
   instance's `__dict__` to the collector. The collector then subtracts one reference too
   many, finds a negative count, and considers the system in use.
 
-Nothing plainer works: both counts are made in C++, before any code of ours, and a
-reference that the collector sees would be subtracted as well. `collectable` and
-`DeclareVectorOutputPort` can go once 1.58 is the oldest supported.
+No simpler fix works: both references are counted in C++, before any code of ours runs,
+and the collector would also subtract any extra reference that it sees. `collectable`
+and `DeclareVectorOutputPort` can go once 1.58 is the oldest supported version.
 
 The `LeafSystem` of this module is Drake's with both problems fixed. Derive from it.
 """
@@ -44,9 +44,9 @@ def weak(method: Callable[..., Any]) -> Callable[..., Any]:
 def collectable(system: framework.System) -> None:
     """Let the garbage collector count the references to a system correctly.
 
-    Where an instance reports its `__dict__` twice (see the module), an object array,
-    which the collector does not traverse, holds a second reference to it. Elsewhere
-    this does nothing.
+    If an instance reports its `__dict__` twice (see the module's docstring), this adds
+    a second reference to it, from an object array: the collector does not traverse
+    those. Otherwise, this does nothing.
     """
     attributes = system.__dict__
     if sum(shown is attributes for shown in gc.get_referents(system)) > 1:
@@ -58,8 +58,8 @@ def collectable(system: framework.System) -> None:
 def free_diagrams() -> None:
     """Free the diagrams that nothing uses any more.
 
-    Python counts the few objects of a diagram, not the megabytes behind them, and would
-    collect them too late.
+    Left to itself, Python would collect too late: it counts the few objects of a
+    diagram, not the megabytes behind them.
     """
     gc.collect()
 
@@ -67,8 +67,8 @@ def free_diagrams() -> None:
 def my_context(system: framework.System, root: framework.Context) -> framework.Context:
     """Return a system's context within `root`, or `root` itself if it is the system's.
 
-    The result of Drake's `GetMyContextFromRoot` keeps `root` alive. Where that result
-    is `root` itself, the context would keep itself alive forever, images included.
+    The result of Drake's `GetMyContextFromRoot` keeps `root` alive. If that result is
+    `root` itself, the context, with its images, would keep itself alive forever.
     """
     try:
         system.ValidateContext(root)
@@ -78,9 +78,9 @@ def my_context(system: framework.System, root: framework.Context) -> framework.C
 
 
 class LeafSystem(framework.LeafSystem):
-    """Drake's LeafSystem, freed with the diagram that holds it.
+    """Drake's LeafSystem, but freed with the diagram that holds it.
 
-    Holds output port callbacks weakly if they are methods of the system. Everything
+    It holds output port callbacks weakly if they are methods of the system. Everything
     else is as in Drake. Wrap the callbacks of a cache entry's ValueProducer in `weak`.
     """
 

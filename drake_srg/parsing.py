@@ -1,4 +1,4 @@
-"""Read models; `package://drake_srg/` works in a checkout and in a wheel."""
+"""Readers of models, with `package://drake_srg/` URLs for a checkout and a wheel."""
 
 from __future__ import annotations
 
@@ -62,15 +62,17 @@ def configure_parser(parser: Parser) -> None:
 def AddModel(
     plant: MultibodyPlant, file: str | Path, name: str | None = None
 ) -> ModelInstanceIndex:
-    """Add the single model of a file to a plant, under its own name or another.
+    """Add the single model of a file to a plant.
 
-    The parser takes 30 ms for any SDF file, but less than 1 ms for the same text, so it
-    gets our own models as text. The paths in other files may be relative to the file.
+    Drake's parser takes 30 ms for any SDF file, but less than 1 ms for the same text,
+    so it gets our own models as text. Other files may contain relative paths, which
+    text would not resolve.
 
     Args:
         plant: Not yet finalized.
         file: Its path, or a URL such as `package://drake_srg/sdf/srg.sdf`.
-        name: Name of the model instance. By default, a taken name gets a suffix.
+        name: Name of the model instance. None keeps the file's, with a suffix if it is
+            taken.
 
     Raises:
         FileNotFoundError: If there is no file at the path.
@@ -96,7 +98,7 @@ def AddModel(
 
 
 def AddDirectives(plant: MultibodyPlant, directives: Iterable[ModelDirective]) -> None:
-    """Add what model directives ask for to a plant; see `AddModel`.
+    """Add the models, frames and welds of model directives to a plant; see `AddModel`.
 
     Raises:
         RuntimeError: If Drake cannot process a directive, or a frame is unknown.

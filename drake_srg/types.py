@@ -34,7 +34,7 @@ class Cylinder(Config):
 
     @property
     def upright_radius(self) -> float:
-        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        """Radius of the smallest cylinder along the object's z that encloses it [m]."""
         return float(self.radius)
 
     def half_extent(self, direction: Vector) -> float:
@@ -72,7 +72,7 @@ class Box(Config):
 
     @property
     def upright_radius(self) -> float:
-        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        """Radius of the smallest cylinder along the object's z that encloses it [m]."""
         return 0.5 * float(np.linalg.norm(self.size[:2]))
 
     def half_extent(self, direction: Vector) -> float:
@@ -106,7 +106,7 @@ class Sphere(Config):
 
     @property
     def upright_radius(self) -> float:
-        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        """Radius of the smallest cylinder along the object's z that encloses it [m]."""
         return float(self.radius)
 
     def half_extent(self, direction: Vector) -> float:
@@ -125,10 +125,10 @@ class Sphere(Config):
 Shape: TypeAlias = Cylinder | Box | Sphere
 
 
-# Trust counts misfit in steps of this size. Camera noise alone varies the
-# misfit of one object by 0.005 in `kitchen_varied` and by 0.014 in
-# `assistive_arm_varied` (standard deviations); other things of its colour that could be
-# mistaken for it start at 0.04.
+# `Blob.trust` counts misfit in steps of this size. Camera noise alone varies the misfit
+# of one object by 0.005 in `kitchen_varied` and by 0.014 in `assistive_arm_varied`
+# (standard deviations). Other things of the same colour that could be mistaken for the
+# object have a misfit of at least 0.04.
 _MISFIT_STEP = 0.02
 
 
@@ -149,14 +149,15 @@ class Blob:
     object_name: str
     camera: str
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
-    # Pose in world [m]. Of the poses that look alike, the one that is turned least: a
-    # ball is not turned, a cylinder's axis points upwards and has no spin about itself.
+    # Pose in world [m]. If several poses look alike, it is the one with the smallest
+    # rotation: none for a ball, and no spin about a cylinder's axis, which points up.
     X_WO: RigidTransform
     quality: float  # 0 .. 1, visible share of the expected outline
     flags: frozenset[BlobFlag] = frozenset()
-    # Evidence against the object's shape; 0 for the object itself in clear view. The
-    # sum of the share of the blob's pixels that the shape does not explain, and how far
-    # the shape floats above or sinks into its surroundings, as a share of its height.
+    # Evidence against the object's shape; 0 for the object itself in clear view. It is
+    # the share of the blob's pixels that the shape does not explain, plus the distance
+    # by which the shape floats above or sinks into its surroundings, as a share of its
+    # height.
     misfit: float = 0.0
 
     @property
@@ -197,20 +198,20 @@ class Obstacle:
 
 @dc.dataclass(frozen=True, eq=False)
 class HeightMap:
-    """The height of what cameras see, over a grid of cells in the horizontal plane."""
+    """Heights of the visible surface over a grid of cells in the horizontal plane."""
 
-    origin: Vector  # x, y in W of the middle of cell (0, 0), shape (2,) [m]
+    origin: Vector  # x, y in W of the centre of cell (0, 0), shape (2,) [m]
     resolution: float  # width of a cell [m]
     # World z [m], shape (ny, nx); NaN where no camera saw anything.
     height: Vector
 
     def centers(self) -> Vector:
-        """Return x, y of the middle of each cell in world, shape (ny, nx, 2) [m]."""
+        """Return x, y of the centre of each cell in world, shape (ny, nx, 2) [m]."""
         ny, nx = self.height.shape
-        middles = np.empty((ny, nx, 2))
-        middles[..., 0] = self.origin[0] + self.resolution * np.arange(nx)
-        middles[..., 1] = (self.origin[1] + self.resolution * np.arange(ny))[:, None]
-        return middles
+        centers = np.empty((ny, nx, 2))
+        centers[..., 0] = self.origin[0] + self.resolution * np.arange(nx)
+        centers[..., 1] = (self.origin[1] + self.resolution * np.arange(ny))[:, None]
+        return centers
 
     def cells(self, p_W: Vector) -> npt.NDArray[np.intp]:
         """Return the cells (iy, ix) of points, which may lie outside the map.
@@ -228,7 +229,7 @@ class HeightMap:
         """Return this map with its gaps filled from an earlier map of the same grid.
 
         Args:
-            earlier: The earlier map; None: there is none.
+            earlier: The earlier map, if there is one.
         """
         if earlier is None:
             return self
@@ -238,9 +239,9 @@ class HeightMap:
 
 @dc.dataclass(frozen=True, eq=False)
 class LabeledHeightMap(HeightMap):
-    """A height map with a label for each cell: the kind of thing in it."""
+    """A height map with a label in each cell: the kind of thing that it shows."""
 
-    # Index into `names`, shape (ny, nx); negative where nothing of interest is.
+    # Index into `names`, shape (ny, nx); negative where there is nothing of interest.
     label: npt.NDArray[np.int8]
     names: tuple[str, ...]  # of objects, of colours, or `all`
 
@@ -323,19 +324,19 @@ class PlannerStatus:
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
-    # Grasps after which several things were seen where one should come; a cycle each.
+    # Picks that put several things down where one was expected; each is one cycle.
     multi_object_picks: int = 0
     looks: int = 0  # times the planner requested images
     blobs: tuple[Blob, ...] = ()  # seen in the latest look
-    localization: Blob | None = None  # the first that led to a plan
+    localization: Blob | None = None  # the first blob that led to a plan
     localized_at: float = 0.0  # time of that localization [s]
-    sighting: Blob | None = None  # the latest that the planner has used
+    sighting: Blob | None = None  # the latest blob that the planner has used
     sighted_at: float = 0.0  # time of that sighting [s]
     message: str = ""  # why it failed, in words
     left: tuple[Remaining, ...] = ()  # things that stay, once the mode is DONE
 
     def __str__(self) -> str:
-        """Return the mode, the number of the grasp and why it failed, in words."""
+        """Return the mode, with the grasp's number or the reason of a failure."""
         mode = mode_words(self.mode)
         if self.ended:
             return f"{mode}: {self.message}" if self.message else mode

@@ -1,4 +1,4 @@
-"""Arms: drivers, jerk-limited references, external torques, kinematics."""
+"""Arms: drivers, references, external torques, safety limits."""
 
 from drake_srg.face import face
 

@@ -1,4 +1,4 @@
-"""Arm drivers: the base class, with interpolation and gravity, and stiff control."""
+"""Arm drivers: the base class, with interpolation and gravity, and position control."""
 
 import abc
 import dataclasses as dc
@@ -35,7 +35,7 @@ from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-_TICKS = 10_000  # number of commands that are checked to fall on steps
+_TICKS = 10_000  # number of command times that must coincide with steps
 
 
 def AddLinearInterpolation(
@@ -51,8 +51,8 @@ def AddLinearInterpolation(
         output_ports:
         - state
 
-    `position` (N) is sampled every `command_period`. `state` (2N), [q; v], moves within
-    the next such period from the second last sample to the last, in steps of `period`.
+    `position` (N) is sampled every `command_period`. In the period after a sample,
+    `state` (2N), [q; v], moves from the previous sample to it, in steps of `period`.
 
     Args:
         builder: Builder of the diagram.
@@ -61,8 +61,8 @@ def AddLinearInterpolation(
         period: Time between steps of the output [s].
 
     Raises:
-        ValueError: If steps and commands do not fall on the same times. The position is
-            a sum of steps, which would drift.
+        ValueError: If the times of steps and commands do not coincide. The position is
+            a sum of steps, so it would drift.
     """
     ratio, ticks = round(command_period / period), np.arange(_TICKS)
     if ratio < 1 or np.any(ticks * command_period != ticks * ratio * period):
@@ -74,7 +74,7 @@ def AddLinearInterpolation(
     inner = DiagramBuilder()
     n = len(start)
     eye = np.eye(n)
-    # The last two commands are its state, their difference over the period the speed.
+    # Its state is the last two commands. The speed is their difference per period.
     none = np.zeros((n, n))
     speed = inner.AddNamedSystem(
         "speed",
@@ -128,8 +128,8 @@ class GravityCompensation(LeafSystem):
         - torque
 
     The inputs are the states [q; v] of the model instances `models`, in the order of
-    the plant's state output ports. `torque` (N) [N m] belongs to the first model, in
-    the order of its velocities. Pydrake's InverseDynamics does the same but does not
+    the plant's state output ports. `torque` (N) [N m] is for the first model, in the
+    order of its velocities. Pydrake's InverseDynamics computes the same but does not
     keep its plant alive.
 
     Args:
@@ -149,7 +149,7 @@ class GravityCompensation(LeafSystem):
             for name, model in zip(models, self._models, strict=True)
         ]
         numbers = np.arange(plant.num_positions(), dtype=float)
-        self._where = [  # each model's positions among all
+        self._where = [  # indices of each model's positions among all
             plant.GetPositionsFromArray(model, numbers).astype(int)
             for model in self._models
         ]
@@ -171,8 +171,8 @@ class GravityCompensation(LeafSystem):
         )
 
 
-# Natural frequency of a stiff arm [rad/s], and least position error at which a motor
-# gives its full torque [rad or m].
+# Natural frequency of a stiff arm [rad/s], and the least position error at which a
+# motor may give its full torque [rad or m].
 _FREQUENCY = 40.0
 _FULL_TORQUE_ERROR = 0.01
 
@@ -182,10 +182,10 @@ def stiff_gains(
 ) -> tuple[Vector, Vector]:
     """Return gains that hold an arm stiffly, from its inertia and its motors' limits.
 
-    Each joint gets kp = J w² with w = 40 rad/s, but not more than its effort limit over
-    0.01 rad (or m), and kd = 2 sqrt(kp J), which is critical. J is the inertia that the
-    joint moves at home: its motor's reflected inertia and all links beyond it, with the
-    gripper.
+    Each joint gets kp = J w² with w = 40 rad/s, but at most its effort limit over 0.01
+    rad (or m), and kd = 2 sqrt(kp J), which is critical damping. J is the inertia that
+    the joint moves at home: its motor's reflected inertia and all links beyond the
+    joint, including the gripper.
 
     Args:
         plant: Finalized plant with the arm and what it carries.
@@ -210,7 +210,7 @@ class ArmSignals:
     """Signals from which a driver's control computes torques.
 
     Attributes:
-        desired: Desired state [q; v] (2N), a step per `period`.
+        desired: Desired state [q; v] (2N), updated every `period`.
         measured: Measured state [q; v] (2N).
         gravity: Torques that hold arm and gripper (N) [N m]; None if weightless.
         effort_limits: The motors' largest torques (N) [N m].
@@ -238,14 +238,16 @@ class ArmDriver(Config, abc.ABC):
     # Whether the joints have servos on a bus, which `drake-srg serve --servo` emulates.
     bus_servos: bool = False
     # Time between commands [s], a multiple of `period`. The arm moves evenly from one
-    # command to the next, with a delay of this time. Null: it follows every command at
-    # once.
+    # command to the next, with a delay of this time. Null: the arm follows every
+    # command at once.
     command_period: float | None = dc.field(default=None, metadata=positive())
-    # Whether the arm has no weight, instead of compensating for it every `period`. The
-    # gripper's weight then deflects the joints: the iiwa's hand by 0.4 mm.
+    # Whether the arm has no weight, so that the driver need not compensate for it every
+    # `period`. The gripper's weight then deflects the joints: the iiwa's hand by 0.4
+    # mm.
     weightless: bool = False
-    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: the arm
-    # follows a stream of targets or trajectories directly; see `TrajectoryFollower`.
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: there
+    # are none, and the arm follows a stream of targets or trajectories directly; see
+    # `TrajectoryFollower`.
     limits: JerkLimits | None = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
@@ -257,7 +259,7 @@ class ArmDriver(Config, abc.ABC):
         The arm starts at `home`.
 
         Raises:
-            ValueError: If a list lacks one entry per actuated joint of the arm.
+            ValueError: If a list does not have one entry per actuated joint of the arm.
         """
         actuators = model_actuators(plant, arm)
         self.check_length("home", self.home, len(actuators))
@@ -269,7 +271,7 @@ class ArmDriver(Config, abc.ABC):
             plant.set_gravity_enabled(arm, False)
 
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Set the gains of an arm's actuators, if the driver uses them.
+        """Set the gains of an arm's actuators, if the driver uses gains.
 
         Raises:
             ValueError: If `prepare_plant` was not called.
@@ -303,9 +305,9 @@ class ArmDriver(Config, abc.ABC):
     ) -> None:
         """Add the control, and export `desired_state`, `actuation` or both.
 
-        `desired_state` (2N), [q; v], is for PD actuators of `prepare_plant`. If
-        `signals.continuous`, pass it through `AddVelocityFeedforward`, because CENIC
-        flips the sign of v. `actuation` (N) [N m] is added at the joints.
+        `desired_state` (2N), [q; v], is for PD actuators that `prepare_plant` has set
+        up. If `signals.continuous`, pass it through `AddVelocityFeedforward`, because
+        CENIC flips the sign of v. `actuation` (N) [N m] is added at the joints.
 
         Args:
             inner: The driver under construction.
@@ -341,21 +343,21 @@ def AddArmDriver(
         - state_measured
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the driver's
-    control. `desired_state` is that of the plant's PD actuators. `actuation` (N) [N m]
+    control. `desired_state` goes to the plant's PD actuators. `actuation` (N) [N m]
     adds torques: those that hold arm and gripper against gravity and, in a continuous
-    plant, those of the desired velocities (then 0 in `desired_state`). `state_measured`
-    (2N) is the arm's state [q; v] with the errors of `config.errors`.
+    plant, those of the desired velocities (which are then 0 in `desired_state`).
+    `state_measured` (2N) is the arm's state [q; v] with the errors of `config.errors`.
 
     Args:
         builder: Builder of the diagram.
         plant: Plant with the arm, finalized after `config.prepare_plant`.
         arm: Its model instance.
-        gripper: The model instance that it carries, if any.
+        gripper: The model instance that the arm carries, if any.
         control_plant: A finalized plant with the arm, the gripper and no other moving
             body, for gravity.
         config: Configuration of the driver.
         seed: Seed of the errors.
-        name: Name of the driver in the diagram. Each needs its own.
+        name: Name of the driver in the diagram; it must be unique.
 
     Raises:
         ValueError: If the name is taken, `prepare_plant` was not called, or the
@@ -450,7 +452,7 @@ def _AddGravityCompensation(
 
 
 def AddSampling(inner: DiagramBuilder, torque: OutputPort, period: float) -> OutputPort:
-    """Return a driver's torque, sampled every `period` [s]."""
+    """Add a sampler every `period` [s] to a driver's torque, and return its port."""
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, torque.size()))
     inner.Connect(torque, hold.get_input_port())
     return hold.get_output_port()
@@ -463,15 +465,15 @@ class ArmPositionDriver(ArmDriver):
     The plant solves this law implicitly, within its effort limits.
     """
 
-    # Gains, one per joint [N m/rad or N/m] and [N m s/rad or N s/m]. Null: from the
-    # arm's inertia and torques; see `stiff_gains`.
+    # Gains, one per joint [N m/rad or N/m] and [N m s/rad or N s/m]. Null: gains from
+    # the arm's inertia and motors; see `stiff_gains`.
     kp: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
     kd: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """Prepare the plant for the driver, before the plant is finalized.
 
-        Makes the arm's actuators PD controllers.
+        This makes the arm's actuators PD controllers.
         """
         super().prepare_plant(plant, arm)
         actuators = model_actuators(plant, arm)
@@ -482,7 +484,7 @@ class ArmPositionDriver(ArmDriver):
             actuator.set_controller_gains(PdControllerGains(p=1.0, d=1.0))
 
     def SetGains(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Set the gains of an arm's actuators, if the driver uses them."""
+        """Set the gains of an arm's actuators."""
         super().SetGains(plant, arm)
         check_prepared(plant, arm)
         kp, kd = self.gains(plant, arm)
@@ -521,7 +523,7 @@ class ArmPositionDriver(ArmDriver):
 
 
 def _AddSum(inner: DiagramBuilder, torques: list[OutputPort]) -> OutputPort:
-    """Return the sum of one or more torques."""
+    """Return the sum of one or more torques, with an added system if there are more."""
     if len(torques) == 1:
         return torques[0]
     size = torques[0].size()
@@ -534,11 +536,11 @@ def _AddSum(inner: DiagramBuilder, torques: list[OutputPort]) -> OutputPort:
 def AddJerkLimits(
     builder: DiagramBuilder, config: ArmDriver, name: str = "arm_reference"
 ) -> JerkLimitedReference:
-    """Add a reference to a diagram that makes jumping targets into smooth motion.
+    """Add a reference to a diagram, which turns jumping targets into smooth motion.
 
     It has the driver's limits and period. It starts at the driver's home or, if you
-    connect its `state_measured`, at the arm's position. Connect its
-    `position_commanded` to the driver's.
+    connect its `state_measured`, at the arm's position. Connect its output
+    `position_commanded` to the driver's input of that name.
 
     Args:
         builder: Builder of the diagram.

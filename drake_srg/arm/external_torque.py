@@ -37,7 +37,7 @@ from drake_srg.common.systems import AddUnique
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Time constant of the estimate [s]. Contact forces at the arm's top speed build up
+# Time constant of the estimate [s]. At the arm's top speed, contact forces build up
 # within 20 to 50 ms.
 TIME_CONSTANT = 0.02
 
@@ -96,7 +96,7 @@ class LaggedTorque(LeafSystem):
 
 
 def lag_share(period: float) -> float:
-    """Return the share of a step that a first-order lag covers in a period [s]."""
+    """Return the share of a jump that a first-order lag covers in a period [s]."""
     return float(-np.expm1(-period / TIME_CONSTANT))
 
 
@@ -121,36 +121,35 @@ class ContactTorques(LaggedTorque):
     Contact forces F on links with Jacobians J cause the torques J' F. But a hand holds
     its load by large forces that nearly cancel. Because regularized friction creeps,
     the forces that a plant reports are out of balance by several times the weight of
-    the load. So this system treats the hand and the free bodies that it touches, its
-    load, as one body, and ignores the forces between them. By Newton's law, the force
-    on both is
+    the load. So this system treats the hand and its load, the free bodies that it
+    touches, as one body, and ignores the forces between them. By Newton's law, the
+    force on both is
 
         F = all other forces on them + weight of the load - dh/dt,
 
-    where h is the momentum of the load, from one sample to the next. A standing can
-    that is touched adds nothing. A hanging can adds its weight, a can pressed on the
-    table adds the pressure minus its weight, and a can that is hit adds the force that
-    set it in motion. All spatial vectors are in world and about its origin: [torque;
-    force].
+    where h is the momentum of the load, and dh/dt its change between samples. A
+    standing can that is only touched adds nothing. A hanging can adds its weight. A can
+    pressed on the table adds the force of the press, minus its weight. A can that is
+    hit adds the force that sets it in motion. All spatial vectors are [torque; force]
+    in world, about the world's origin.
 
     Stiff bodies may touch for less than a period. An object that drops by half a
-    millimetre may press with a hundred times its weight in one sample, which does not
-    match the change of its momentum between samples. So each joint feels only that part
-    of the forces on the load, weight included, that lasts from one sample to the next
-    (minmod).
+    millimetre may press with a hundred times its weight in one sample, but its momentum
+    changes much less between samples. So each joint feels only that part of the forces
+    on the load, weight included, that lasts from one sample to the next (minmod).
 
-    The inputs are the plant's. `arm_state` (2N) is [q; v], and `applied_forces` are the
-    spatial forces applied to the plant. `external_torque` (N) [N m], in the order of
-    the arm's velocities, follows with a first-order lag. All are sampled every
-    `period`.
+    The inputs are outputs of the plant. `arm_state` (2N) is [q; v], and
+    `applied_forces` are the spatial forces applied to the plant. `external_torque` (N)
+    [N m], in the order of the arm's velocities, follows with a first-order lag. All are
+    sampled every `period`.
 
     Args:
-        plant: Finalized, with geometry.
+        plant: The finalized plant, with geometry.
         arm: The arm whose torques are computed.
         gripper: The hand, which moves with the arm.
-        models_plant: A finalized plant with both, by the same names, and no other
-            moving body.
-        period: [s].
+        models_plant: A finalized plant with arm and gripper, by the same names, and no
+            other moving body.
+        period: Time between samples [s].
     """
 
     def __init__(
@@ -176,8 +175,8 @@ class ContactTorques(LaggedTorque):
         self._hand, self._load = len(links), len(links) + 1
         self._link_of = {int(link.index()): i for i, link in enumerate(links)}
         self._link_of |= {int(finger.index()): self._hand for finger in fingers}
-        # The wrench on any finger counts as one on the hand: the arm does not move
-        # fingers.
+        # A wrench on a finger counts as one on the hand, because the arm's joints do
+        # not move fingers relative to it.
         self._frames = [
             models_plant.GetFrameByName(
                 body.name(),
@@ -201,7 +200,7 @@ class ContactTorques(LaggedTorque):
 
         self._world = models_plant.world_frame()
         n, n_all = models_plant.num_velocities(self._arm), models_plant.num_velocities()
-        # The arm's columns among those of all joints.
+        # Indices of the arm's velocities among those of all joints.
         columns = models_plant.GetVelocitiesFromArray(
             self._arm, np.arange(float(n_all))
         )
@@ -218,7 +217,7 @@ class ContactTorques(LaggedTorque):
                 ("applied_forces", [ExternallyAppliedSpatialForce()]),
             )
         )
-        # Kept: h of each free body, and the torque of the load's forces.
+        # Values kept: h of each free body, and the torque of the load's forces.
         self._declare_torque(n, num_kept=6 * len(free) + n)
 
     def _sample(self, context: Context, kept: Vector) -> tuple[Vector, Vector]:
@@ -262,7 +261,7 @@ class ContactTorques(LaggedTorque):
         for a, b, contact in contacts:
             link_A, link_B = link_of.get(a, -1), link_of.get(b, -1)
             if link_A == link_B or min(link_A, link_B) >= self._hand:
-                continue  # on none of them, or between hand and load
+                continue  # neither body counts, or the contact is inside hand and load
             F_AWo_W = contact.F_Ac_W().Shift(-contact.p_WC()).get_coeffs()
             if link_A >= 0:
                 wrenches[link_A] += F_AWo_W
@@ -280,7 +279,7 @@ class ContactTorques(LaggedTorque):
     def _joint_torques(
         self, arm_state: Vector, wrenches: dict[int, Vector]
     ) -> tuple[Vector, Vector]:
-        """Return the torques, shape (N,) [N m], from links and hand, and from load."""
+        """Return the torques due to links and hand, and due to the load, (N,) [N m]."""
         plant, context, world = self._plant, self._plant_context, self._world
         felt, load = np.zeros(len(self._columns)), np.zeros(len(self._columns))
         if wrenches:
@@ -298,7 +297,7 @@ class ContactTorques(LaggedTorque):
 
 
 def _minmod(a: Vector, b: Vector) -> Vector:
-    """Return the smaller of two numbers of the same sign, else 0."""
+    """Return the entries of smaller size where both signs are equal, else 0."""
     return np.minimum(np.maximum(a, np.minimum(b, 0.0)), np.maximum(b, 0.0))
 
 
@@ -309,7 +308,7 @@ def _bodies(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[RigidBody]
 def _free_bodies(
     plant: MultibodyPlant, others: set[ModelInstanceIndex | None]
 ) -> list[RigidBody]:
-    """Return the free single bodies of other models."""
+    """Return the free bodies without joints that belong to other models."""
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parents = {joint.parent_body().index() for joint in joints}
     bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
@@ -340,8 +339,8 @@ class ExternalTorqueObserver(LaggedTorque):
 
         r' = (tau_external - r) / time_constant,
 
-    and needs no accelerations, only the gain of the momentum p = M v. Between two
-    samples, this gain, without the change of M itself, is M (v - v_last). So here
+    and needs no accelerations, only the change of the momentum p = M v. Between two
+    samples, this change, apart from that of M itself, is M (v - v_last). So here
 
         tau_external = M (v - v_last) / period + C v - g - tau,
 
@@ -350,15 +349,14 @@ class ExternalTorqueObserver(LaggedTorque):
 
     The inputs are the states [q; v] of the model instances `models`, in the order of
     the plant's state output ports, and `torque` (N) [N m], the motors' torque of the
-    first model. `external_torque` (N) [N m] belongs to the first model, in the order of
+    first model. `external_torque` (N) [N m] is that of the first model, in the order of
     its velocities. All are sampled every `period`. The period should be the plant's own
-    step, because the torque of one sample does not represent all steps between two
-    samples.
+    step: otherwise, the torque of one sample would stand for several steps.
 
     Args:
         plant: A finalized plant with these models and no other moving body.
         models: Names of the model instances, the arm's first.
-        period: [s].
+        period: Time between samples [s].
     """
 
     def __init__(
@@ -410,26 +408,26 @@ def AddExternalTorque(
 ) -> OutputPort:
     """Add a system that estimates an arm's external torques; return its port.
 
-    A plant with steps gets an `ExternalTorqueObserver` with the same step. It reads the
-    same as the arm's own controller: torques and motion at the joints, without the
-    errors of its reports. Between samples of a continuous plant, the torque of stiff
-    actuators is a saw tooth of height v kp period, 170 N m at an iiwa's top speed, so
-    no sample represents its mean. Such a plant gets `ContactTorques` instead, with the
-    same lag. Joint torque sensors inside an arm would measure the same.
+    A discrete plant gets an `ExternalTorqueObserver` with the plant's step. It reads
+    what the arm's own controller measures at the joints, torques and motion, but
+    without errors. In a continuous plant, the torque of stiff actuators is a saw tooth
+    between samples, of height v kp period, 170 N m at an iiwa's top speed, so no sample
+    represents its mean. Such a plant gets `ContactTorques` instead, with the same lag.
+    It computes what joint torque sensors inside an arm would measure.
 
-    If the plant has applied spatial forces on arm, hand or load, the caller connects
+    If spatial forces are applied to arm, hand or load in the plant, the caller connects
     the same forces to `contact_torques`, if that exists.
 
     Args:
         builder: Builder of the diagram.
         plant: Plant with the arm, finalized and in the diagram.
         arm: Its model instance.
-        gripper: The model instance that it carries, if any.
+        gripper: The model instance that the arm carries, if any.
         models_plant: A finalized plant with both and no other moving body.
-        period: Time between readings of torque sensors with errors, and of a continuous
-            plant's contacts [s].
+        period: Time between draws of the sensors' noise, and between readings of a
+            continuous plant's contacts [s].
         errors: Errors of the torque sensors.
-        seed: Seed of their noise.
+        seed: Seed of the noise.
         prefix: Prefix of the systems' names in the diagram.
 
     Returns:

@@ -1,10 +1,9 @@
 """Compliant control of an arm: the impedance law and its driver.
 
-Hogan, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys., Meas., Control
-107 (1985): an arm in contact behaves as if a spring and a damper connected it to an
-equilibrium position. The inertia stays the arm's own, so no force sensor is needed:
-Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots", Springer
-(2008).
+The arm behaves as if a spring and a damper connected it to an equilibrium position
+(Hogan, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys., Meas., Control
+107, 1985). It keeps its own inertia, so no force sensor is needed (Ott, "Cartesian
+Impedance Control of Redundant and Flexible-Joint Robots", Springer, 2008).
 """
 
 import abc
@@ -29,13 +28,13 @@ from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Directions in which a force moves the hand by less than this share of the easiest
-# direction count as locked. Near a singular posture, they belong to the null space.
+# Directions in which the hand's mobility is less than this share of the largest one
+# count as locked. Near a singular posture, they belong to the null space.
 _SINGULAR = 1e-4
 
 
 class Spring(abc.ABC):
-    """A spring between an arm and its equilibrium."""
+    """A spring between an arm and its equilibrium position."""
 
     @abc.abstractmethod
     def pull(self, q: Vector, q_0: Vector) -> tuple[Vector, Vector, Vector]:
@@ -74,7 +73,7 @@ class JointSpring(Spring):
         return torque, np.diag(self.stiffness), self.inertia(q)
 
     def inertia(self, q: Vector) -> Vector:
-        """Return the inertia matrix (N, N) [kg m²] with the motors' rotors."""
+        """Return the inertia matrix (N, N) [kg m²], including the motors' rotors."""
         self.plant.SetPositions(self._context, self._arm, q)
         M: Vector = self.plant.CalcMassMatrix(self._context)
         return M[np.ix_(self._own, self._own)]
@@ -82,7 +81,8 @@ class JointSpring(Spring):
     def forward(self, frame: Frame, p_FC: Vector, q: Vector) -> tuple[Vector, ...]:
         """Return position (3) [m], rotation (3, 3) and Jacobian (6, N) of a point C.
 
-        The Jacobian's rows are rotation, then translation, in world.
+        The Jacobian's rows are three for rotation, then three for translation, in
+        world.
         """
         plant, context = self.plant, self._context
         plant.SetPositions(context, self._arm, q)
@@ -101,14 +101,14 @@ class JointSpring(Spring):
 class CartesianSpring(Spring):
     """A spring between a frame of the arm and its pose in the equilibrium.
 
-    Torsion springs in the joints also act in the null space: on motions of the joints
+    Torsion springs in the joints act only in the null space: on motions of the joints
     that do not move the hand. They are projected as in Khatib, "A Unified Approach for
     Motion and Force Control of Robot Manipulators", IEEE J. Robotics Autom. 3 (1987),
-    so that they change no force of the hand at rest.
+    so that they do not change the force of the hand at rest.
 
     Args:
         joints: The springs of the joints.
-        frame: A frame of their plant.
+        frame: A frame of the joints' plant.
         p_FC: The centre of stiffness in that frame, shape (3,) [m].
         translation: Stiffness along the world's axes, shape (3,) [N/m].
         rotation: Stiffness about every axis [N m/rad].
@@ -155,7 +155,7 @@ def damping_matrix(inertia: Vector, stiffness: Vector, ratio: float) -> Vector:
     Args:
         inertia: M, shape (N, N), positive definite.
         stiffness: K, shape (N, N), symmetric, without negative eigenvalues.
-        ratio: 1 is critical.
+        ratio: Damping ratio; 1 is critical.
     """
     w, Q = _modes(inertia, stiffness)
     damping: Vector = (2.0 * ratio * w) * Q @ Q.T
@@ -168,7 +168,7 @@ def natural_frequencies(inertia: Vector, stiffness: Vector) -> Vector:
 
 
 def _modes(inertia: Vector, stiffness: Vector) -> tuple[Vector, Vector]:
-    """Return the frequencies w (N) and the Q (N, N) of `damping_matrix`."""
+    """Return w (N) and Q (N, N); see `damping_matrix`."""
     L = np.linalg.cholesky(inertia)
     L_inv = np.linalg.inv(L)
     squares, U = np.linalg.eigh(L_inv @ stiffness @ L_inv.T)
@@ -178,9 +178,10 @@ def _modes(inertia: Vector, stiffness: Vector) -> tuple[Vector, Vector]:
 def is_stable(phase: float, ratio: float) -> bool:
     """Return whether a mode comes to rest under sampled, delayed torques.
 
-    Spring and damper sample the state once per period. Their torque acts one period
-    later, the longest delay by a plant's steps, and for one period. The rest is exact,
-    because no other force acts on the mode within a period.
+    Spring and damper sample the state once per period. Their torque begins to act one
+    period later, the longest delay that a plant's steps cause, and acts for one period.
+    Apart from this delay, the model is exact, because no other force acts on the mode
+    within a period.
 
     Args:
         phase: Natural frequency times period [rad].
@@ -217,7 +218,7 @@ class CartesianStiffness(Config):
     """
 
     # A frame of the arm or of a body welded to it, and the centre of stiffness in that
-    # frame [m]. Forces at the centre cause no rotation.
+    # frame [m]. A force at this centre causes no rotation.
     frame: str = "arm::flange"
     centre: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
@@ -239,20 +240,20 @@ class ArmImpedanceDriver(ArmDriver):
     `ImpedanceControl` computes the torques; the top of this module names the sources.
     """
 
-    # Stiffness of the joints [N m/rad]; with `cartesian`, only in the null space, which
-    # moves the joints but not the hand. Null: a quarter of `stiff_gains`, which are
-    # natural frequencies of about 20 rad/s.
+    # Stiffness of the joints [N m/rad]. With `cartesian`, it acts only in the null
+    # space: on motions that do not move the hand. Null: a quarter of the stiffness from
+    # `stiff_gains`, with natural frequencies of about 20 rad/s.
     joint_stiffness: list[float] | None = dc.field(default=None, metadata={"ge": 0.0})
-    # Stiffness of the hand; null: the joints' alone.
+    # Stiffness of the hand; null: only the joints have stiffness.
     cartesian: CartesianStiffness | None = None
     # Damping ratio; 1 is critical. Range and default are those of Sunrise.OS.
     damping_ratio: float = dc.field(default=0.7, metadata={"ge": 0.1, "le": 1.0})
     # Largest torques of springs and dampers together [N m], one entry per joint; null:
-    # the motors' limits. Torques against gravity are added to them.
+    # the motors' limits. Torques against gravity come on top.
     max_torque: list[float] | None = dc.field(default=None, metadata=positive())
 
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized."""
+        """Prepare the plant for the driver, before the plant is finalized."""
         super().prepare_plant(plant, arm)
         n = len(model_actuators(plant, arm))
         for key in ("joint_stiffness", "max_torque"):
@@ -318,7 +319,7 @@ class ArmImpedanceDriver(ArmDriver):
         )
 
     def _check_stability(self, spring: Spring, joints: Sequence[Joint]) -> None:
-        """Refuse a stiffness that the sampled law cannot bring to rest.
+        """Refuse a stiffness with which the sampled law is unstable.
 
         Raises:
             ValueError: If a natural frequency is too high for `period` in some posture.
@@ -363,17 +364,18 @@ class ImpedanceControl(LeafSystem):
         output_ports:
         - torque
 
-    `desired_state` and `state_measured` (2N) are [q; v]. The former is the spring's
-    equilibrium, and the damper acts on the difference of the speeds. The system adds
-    `gravity` (N) [N m] and the torques that accelerate the arm with its equilibrium, so
-    a free arm follows without lag. `torque` (N) [N m] stays within the motors' limits.
+    `desired_state` and `state_measured` (2N) are [q; v]. `desired_state` is the
+    spring's equilibrium, and the damper acts on the difference of the velocities. The
+    system adds `gravity` (N) [N m] and the torques that accelerate the arm together
+    with the equilibrium, so a free arm follows without lag. `torque` (N) [N m] stays
+    within the motors' limits.
 
     Args:
         spring: Spring of the arm.
         damping_ratio: Damping ratio of every mode; 1 is critical.
         max_torque: Largest torques of spring and damper (N) [N m].
-        max_acceleration: Largest accelerations with the equilibrium (N) [rad/s²];
-            needed because commands may jump.
+        max_acceleration: Largest accelerations of the equilibrium that count (N)
+            [rad/s²]; commands may jump.
         effort_limits: Largest total torques (N) [N m].
         period: Time between samples of `torque` [s].
     """

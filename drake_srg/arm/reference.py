@@ -1,4 +1,4 @@
-"""Motion to targets: jerk-limited, or along a stream of trajectories."""
+"""References: jerk-limited motion to targets, and motion along trajectories."""
 
 import dataclasses as dc
 
@@ -54,15 +54,16 @@ class JerkLimitedReference(LeafSystem):
     Every `period`, the system reads the targets from `position_desired` (N) [rad or m],
     which may change at any time. An entry that is not finite leaves its joint's target
     unchanged. While the first entry of `position_held` (N) is finite, the joints rest
-    there and targets are ignored. Otherwise, each joint moves on its own, from its
-    present position, velocity and acceleration to rest at its target, in the least time
-    that the limits allow (Ruckig: Berscheid and Kröger, RSS 2021). `position_commanded`
-    (N) is updated every `period`: targets at one time give the position one period
+    at that position, and targets are ignored. Otherwise, each joint moves independently
+    from its present position, velocity and acceleration to rest at its target, in the
+    least time that the limits allow (Ruckig: Berscheid and Kröger, RSS 2021).
+    `position_commanded` (N) is updated every `period`; a target affects it one period
     later. When a simulation starts, the joints rest at their position according to
     `state_measured` (2N), [q; v].
 
     Args:
-        home: Their rest position without `state_measured`, shape (N,) [rad or m].
+        home: The joints' position at the start without `state_measured`, shape (N,)
+            [rad or m].
         limits: Limits of velocity, acceleration and jerk.
         period: Time between updates [s].
 
@@ -157,10 +158,10 @@ def trajectory_piece(times: Vector, positions: Vector, start: float = 0.0) -> Ve
     Args:
         times: Times of its points after the start, increasing, shape (K,) [s].
         positions: Positions of the joints, shape (K, N) [rad or m].
-        start: Time at which it begins [s]; 0: as soon as it arrives.
+        start: Time at which the piece begins [s]; 0: as soon as it arrives.
 
     Raises:
-        ValueError: If it has more than `CAPACITY` points.
+        ValueError: If there are more than `CAPACITY` points.
     """
     count, n = positions.shape
     if count > CAPACITY:
@@ -184,10 +185,10 @@ class TrajectoryFollower(LeafSystem):
 
     Every `period`, the system reads `trajectory_desired`, a `trajectory_piece`. A new
     piece replaces the current one: from the present position, the system moves to the
-    first future point, and then from point to point. It rests at the last one. A piece
+    first future point, then from point to point, and rests at the last one. A piece
     whose points are all in the past, or NaN, changes nothing. While the first entry of
-    `position_held` (N) is finite, the joints rest there, and pieces are discarded.
-    `position_commanded` (N) is in rad or m.
+    `position_held` (N) is finite, the joints rest at that position, and pieces are
+    discarded. `position_commanded` (N) is in rad or m.
 
     Args:
         home: The joints' first position, shape (N,) [rad or m].
@@ -199,8 +200,8 @@ class TrajectoryFollower(LeafSystem):
         self._n = n = len(home)
         self._period = period
         size = 1 + CAPACITY * (1 + n)
-        # The last piece read, and the points that are followed; the first one is
-        # passed.
+        # The last piece that was read, and the points of the present motion, which
+        # begin with one that has been passed.
         self._seen = int(self.DeclareDiscreteState(np.full(size, np.nan)))
         points = np.full((CAPACITY + 1, 1 + n), np.nan)
         points[0] = [0.0, *home]
@@ -220,7 +221,7 @@ class TrajectoryFollower(LeafSystem):
         )
 
     def _following(self, context: Context) -> Vector:
-        """Return the followed points (K, 1 + N): times and positions."""
+        """Return the points of the present motion (K, 1 + N): times and positions."""
         flat: Vector = context.get_discrete_state(self._points).value()
         points = flat.reshape(CAPACITY + 1, 1 + self._n)
         return points[~np.isnan(points[:, 0])]

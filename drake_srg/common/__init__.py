@@ -1,4 +1,4 @@
-"""Helpers for every package above: exceptions, ports, contacts, imperfect joints."""
+"""Helpers for all higher packages: exceptions, ports, contacts, imperfect joints."""
 
 from drake_srg.face import face
 

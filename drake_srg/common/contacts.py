@@ -1,10 +1,10 @@
 """Contacts of a plant, and their damping.
 
-At the depth x and the rate of penetration v, contact presses with k x (1 + d v) by Hunt
-and Crossley (`lagged`, `similar` and CENIC), and with k (x + tau v) by Kelvin and Voigt
-(`sap`; Castro et al., 2022, call tau the relaxation time). The tau of two surfaces is
-the sum of theirs, so rigid ones need tau = 0: they do not deform. Drake's default of
-0.1 s is far from any solid: at 0.2 m/s a surface presses as if it were 20 mm deeper.
+At a penetration of x with the rate v, the contact force is k x (1 + d v) by Hunt and
+Crossley (`lagged`, `similar` and CENIC), and k (x + tau v) by Kelvin and Voigt (`sap`;
+Castro et al., 2022, call tau the relaxation time). The tau of a contact is the sum of
+both surfaces' tau. Rigid surfaces do not deform, so theirs must be 0. Drake's default
+of 0.1 s fits no solid: at 0.2 m/s, the force is that of a contact 20 mm deeper.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pydrake.multibody.plant import ContactResults, PointPairContactInfo
 
 from drake_srg.types import Vector
 
-# Depth at which both press alike [m]. Under 0.1 MPa, as between pads and objects in a
+# Penetration at which both laws give the same force [m]. Under 0.1 MPa, typical of a
 # firm grip, the fingers' pads give way by 0.4 mm, a can of hard plastic by 0.07 mm.
 _DEPTH = 2e-4
 
@@ -30,13 +30,13 @@ def relaxation_time(dissipation: float) -> float:
 
 
 class Contact(NamedTuple):
-    """A contact between two geometries A and B. Calling an attribute computes it.
+    """A contact between two geometries A and B.
 
     Attributes:
         id_A: Number of geometry A, from `GeometryId.get_value()`.
         id_B: Number of geometry B.
-        p_WC: Returns the point C of application in world, shape (3,) [m].
-        F_Ac_W: Returns the spatial force on A at C in world [N m, N].
+        p_WC: Computes the point C of application in world, shape (3,) [m].
+        F_Ac_W: Computes the spatial force on A at C in world [N m, N].
     """
 
     id_A: int

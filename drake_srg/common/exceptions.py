@@ -13,7 +13,7 @@ import typing
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
-from drake_srg.config import ScenarioError as ScenarioError  # noqa: PLC0414 (handed on)
+from drake_srg.config import ScenarioError as ScenarioError  # noqa: PLC0414 (re-export)
 
 
 @contextlib.contextmanager
@@ -62,7 +62,7 @@ T = TypeVar("T")
 
 
 def checked_types(read: T) -> T:
-    """Return a dataclass if its values have the types of its annotations.
+    """Return a dataclass after checking its values against its annotations.
 
     Entries of lists and mappings are not checked.
 

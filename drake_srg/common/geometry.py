@@ -1,4 +1,4 @@
-"""Small geometry: cross products, blends, convex pieces, Drake's shapes and views."""
+"""Geometry helpers: cross products, blends, convex pieces, Drake's shapes and views."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def minimum_jerk_blend(s: float) -> float:
 class ConvexPieces:
     """A solid that is the union of convex pieces, such as a model's collision meshes.
 
-    Its origin may be anywhere; with `centered_pieces`, it is the middle of its bounding
-    box, as with the simple shapes.
+    Its origin may be anywhere. After `centered_pieces`, it is the centre of the
+    bounding box, as for the simple shapes.
 
     Attributes:
         pieces: Corners of each piece [m], shape (n, 3) each, n >= 4.
@@ -68,7 +68,7 @@ class ConvexPieces:
     def half_extent(self, direction: Vector) -> float:
         """Return the distance from the origin to the farthest point along a direction.
 
-        Of simple shapes, whose origin is their middle, it is half of the extent.
+        For simple shapes, whose origin is their centre, this is half of the extent.
 
         Args:
             direction: Unit vector in the object's frame, shape (3,).
@@ -105,22 +105,23 @@ class ConvexPieces:
 
     @functools.cached_property
     def center_of_mass(self) -> Vector:
-        """Centre of mass at uniform density, about, shape (3,) [m].
+        """Approximate centre of mass at uniform density, shape (3,) [m].
 
-        Each piece counts at the mean of its corners.
+        The mean of a piece's corners stands for the piece's centre of mass.
         """
         from pydrake.geometry.optimization import VPolytope
 
         volumes = [VPolytope(piece.T).CalcVolume() for piece in self.pieces]
-        middles = [piece.mean(axis=0) for piece in self.pieces]
-        return np.average(middles, axis=0, weights=volumes)
+        centers = [piece.mean(axis=0) for piece in self.pieces]
+        return np.average(centers, axis=0, weights=volumes)
 
     @functools.cached_property
     def resting(self) -> tuple[Vector, ...]:
         """Directions (3,) that may point down while the solid rests on a plane.
 
-        It rests on a face of its convex hull that has the centre of mass, at uniform
-        density, above it. Directions within 10 degrees of each other count once.
+        The solid can rest on a face of its convex hull if its centre of mass, at
+        uniform density, is above that face. Of directions within 10 degrees of each
+        other, only one is listed.
         """
         return tuple(_resting(self))
 
@@ -162,7 +163,8 @@ def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:
         pieces: Corners of each piece in a frame O [m], shape (n, 3) each.
 
     Returns:
-        The solid, in a frame at C that is parallel to O; p_OC [m], shape (3,).
+        The solid, in a frame that is parallel to O with its origin C at the centre, and
+        p_OC [m], shape (3,).
 
     Raises:
         ValueError: If a piece is flat or empty.

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-# Libraries that Drake's wheel needs but does not contain, with the packages of Debian
-# and Ubuntu that have them; tools/install_system_libraries.sh has the same list.
+# Libraries that Drake's wheel needs but does not contain, and the packages of Debian
+# and Ubuntu that contain them; tools/install_system_libraries.sh has the same list.
 # Importing Drake needs the first, rendering the others.
 LIBRARIES = {
     "libglib-2.0.so.0": "libglib2.0-0",
@@ -23,8 +23,8 @@ def require(module: str, extra: str, who: str) -> ModuleType:
 
     Args:
         module: Name of the module.
-        extra: Name of the extra; empty: the package itself needs the module.
-        who: Start of the message, with a verb: `Recording needs`.
+        extra: Name of the extra; empty if the package itself needs the module.
+        who: Start of the message, with a verb, such as `Recording needs`.
 
     Raises:
         ImportError: If the module is missing; the message says how to install it.
@@ -40,10 +40,10 @@ def require(module: str, extra: str, who: str) -> ModuleType:
 
 
 def require_rendering() -> None:
-    """Check for the libraries without which Drake's renderers crash.
+    """Check for the libraries that Drake's renderers need: without them, they crash.
 
     Raises:
-        ImportError: If one is missing; the message says how to install it.
+        ImportError: If a library is missing; the message says how to install it.
     """
     if not sys.platform.startswith("linux"):
         return

@@ -39,11 +39,11 @@ class ArmErrorsConfig(JointErrorsConfig):
     """Imperfections of an arm's joints, including gears and torque sensors."""
 
     # Play from one flank of a gear to the other, at the joint [rad]. Friction holds the
-    # joint, so motor and encoder turn back by this much before the joint follows.
+    # joint, so after a reversal, motor and encoder turn by this much before it follows.
     backlash: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Constant offset and noise's standard deviation of sensed joint torques, as shares
-    # of the joint's effort limit. The iiwa's axis-specific torque accuracy is 2 %
-    # (KUKA, LBR iiwa, technical data).
+    # Constant offset of sensed joint torques, and standard deviation of their noise, as
+    # shares of the joint's effort limit. The iiwa's axis-specific torque accuracy is
+    # 2 % (KUKA, LBR iiwa, technical data).
     torque_offset: float = dc.field(default=0.0, metadata={"ge": -1.0, "le": 1.0})
     torque_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
 
@@ -60,11 +60,11 @@ class CommandErrors(LeafSystem):
         - delayed
         - play
 
-    `commanded` (n) is sampled every `period`; u is the sample of `latency` ago.
-    `delayed` (n) is y, the same on the joints' side of the gears. With backlash b, y
-    follows u only as far as `|u - y| <= b / 2` demands: the play operator of G. Tao and
-    P. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities,
-    1996, for a load held by friction. `play` (n) is u - y.
+    `commanded` (n) is sampled every `period`. Let u be the sample of `latency` ago, on
+    the motors' side of the gears. `delayed` (n) is y, the position on the joints' side.
+    With backlash b, y follows u only as far as `|u - y| <= b / 2` demands. This is the
+    play operator for a load held by friction (G. Tao and P. Kokotovic, Adaptive Control
+    of Systems with Actuator and Sensor Nonlinearities, 1996). `play` (n) is u - y.
 
     Args:
         size: Number of joints n.
@@ -126,7 +126,7 @@ class CommandErrors(LeafSystem):
 class _NoisyReadings(LeafSystem):
     """Base class of systems that draw normal noise with an offset, once per period.
 
-    The generator depends on the time alone, so that the context holds all state.
+    Seed and time alone determine the noise, so the context holds all state.
     """
 
     def __init__(
@@ -160,12 +160,12 @@ class EncoderErrors(_NoisyReadings):
         output_ports:
         - state_measured
 
-    `state` (2n) is the joints' [q; v], and `play` (n) how far the motors are ahead of
-    them. `state_measured` (2n) is [q + play; v] with normal noise.
+    `state` (2n) is the joints' [q; v], and `play` (n) is how far the motors are ahead
+    of the joints. `state_measured` (2n) is [q + play; v] with normal noise.
 
     Args:
         size: Number of joints n.
-        config: Standard deviation of the noise, and the window for speeds.
+        config: Standard deviation of the noise.
         period: Time between draws of the noise [s].
         seed: The scenario's random seed.
         name: Distinguishes the random streams of one scenario.
@@ -240,10 +240,10 @@ class TorqueErrors(_NoisyReadings):
 def AddLatency(
     builder: DiagramBuilder, command: InputPort, latency: float, period: float
 ) -> InputPort:
-    """Add a system before an input, named after it, if there is latency.
+    """Add a system that delays an input, if there is latency; it is named after it.
 
     Returns:
-        The input to use in its place.
+        The input to use in place of `command`.
     """
     if latency == 0.0:
         return command
@@ -266,7 +266,7 @@ def AddEncoderNoise(
     """Add `encoder_errors` after a state if there is noise.
 
     Returns:
-        The output to use in its place.
+        The output to use in place of `state`.
     """
     if config.encoder_noise == 0.0:
         return state

@@ -23,7 +23,7 @@ def is_pose(key: str) -> bool:
     return key.startswith(_POSE)
 
 
-# A log's `mode` is an index into this list, or beyond it for modes of a planner's own.
+# A log's `mode` is an index into this list; a planner's own modes have higher numbers.
 MODES = list(Mode)
 _NAMES = [mode.value for mode in MODES]
 
@@ -31,8 +31,9 @@ _NAMES = [mode.value for mode in MODES]
 def mode_columns(modes: Sequence[AnyMode]) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a log with a planner's modes, one row per sample.
 
-    They are `mode`, the index into `MODES`, and, only if the planner has modes of its
-    own, `mode_name`. In `mode`, these are numbered on in the order of their appearance.
+    The column `mode` holds indices into `MODES`. If the planner has modes of its own,
+    they get the next numbers in order of appearance, and there is also a column
+    `mode_name`.
     """
     names = [mode_name(mode) for mode in modes]
     index = {name: i for i, name in enumerate(dict.fromkeys([*_NAMES, *names]))}

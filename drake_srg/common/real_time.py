@@ -1,4 +1,4 @@
-"""Processes and loops in real time."""
+"""Real-time loops, and processes that run beside them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from multiprocessing import resource_tracker
 from typing import Any
 
-# After this time, a thread hands the interpreter to another that waits for it [s].
-# Python's 5 ms add up: an answer to a message needs the interpreter several times.
+# Time after which a thread yields the interpreter to one that waits for it [s].
+# Python's default of 5 ms adds up: to answer a message takes several such switches.
 _SWITCH = 5e-4
 _NICE = 10  # see nice(1)
 
@@ -23,9 +23,9 @@ _NICE = 10  # see nice(1)
 def real_time_loop() -> Iterator[None]:
     """Keep garbage collection and thread switches from delaying a real-time loop.
 
-    A full garbage collection looks at every module and cache, which takes a tenth of a
-    second. In this context, the garbage collector only visits new objects. Threads that
-    wait get the interpreter after 0.5 ms instead of 5 ms.
+    A full garbage collection visits every module and cache, which takes a tenth of a
+    second. In this context, the collector visits only new objects. Waiting threads get
+    the interpreter after 0.5 ms instead of 5 ms.
     """
     switch = sys.getswitchinterval()
     gc.collect()
@@ -50,8 +50,8 @@ _PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
 class Companion:
     """A process to exchange messages with; a thread receives its replies.
 
-    Ctrl-C in a terminal, or closing it, does not end it. These signals are meant for
-    the parent alone, which ends the process in order.
+    Ctrl-C in the terminal, or closing the terminal, does not end the process. Only the
+    parent handles these signals, and then ends the process in an orderly way.
 
     Args:
         name: Name of the thread.
@@ -81,7 +81,7 @@ class Companion:
         self._thread.start()
 
     def send(self, message: Any) -> None:
-        """Send the process a message; does nothing if it has ended."""
+        """Send the process a message; do nothing if it has ended."""
         with contextlib.suppress(OSError):
             self._connection.send(message)
 
@@ -97,8 +97,8 @@ class Companion:
 
     def _start(self) -> None:
         """Start the process with signals masked: one may arrive before any handler."""
-        # With the first process, `multiprocessing` starts this one, and then unblocks
-        # SIGINT.
+        # Otherwise `multiprocessing` starts its resource tracker with the first
+        # process, and unblocks SIGINT.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_A_TERMINAL)
         try:

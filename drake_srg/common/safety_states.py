@@ -9,9 +9,9 @@ class SafetyState(enum.Enum):
     """State of the safety monitor."""
 
     RUNNING = "running"  # the arm follows the commands
-    BRAKING = "braking"  # it comes to rest along its path
-    PROTECTIVE_STOP = "protective_stop"  # it rests until released
-    EMERGENCY_STOP = "emergency_stop"  # it rests; its path is forgotten
+    BRAKING = "braking"  # the arm comes to rest along its path
+    PROTECTIVE_STOP = "protective_stop"  # the arm rests until released
+    EMERGENCY_STOP = "emergency_stop"  # the arm rests and has forgotten its path
 
 
 class StopReason(enum.Enum):
@@ -19,21 +19,21 @@ class StopReason(enum.Enum):
 
     NONE = "none"
     # Conditions that must be over before a release.
-    FOLLOWING_ERROR = "following_error"  # the joints are not where they should be
+    FOLLOWING_ERROR = "following_error"  # a joint is too far from its command
     MEASURED_SPEED = "measured_speed"  # a joint moves too fast
     MEASURED_NOT_FINITE = "measured_not_finite"  # a measurement is NaN or infinite
-    EXTERNAL_TORQUE = "external_torque"  # a joint feels too much from outside
+    EXTERNAL_TORQUE = "external_torque"  # too much torque from outside on a joint
     FORCE = "force"  # the tool presses too hard
     STALE = "stale"  # no message for too long
     EMERGENCY_STOP = "emergency_stop"  # somebody pressed the button
-    # Faults of the commands, which are no longer followed.
+    # Faults of the commands; the arm no longer follows them.
     NOT_FINITE = "not_finite"  # NaN or infinite
     POSITION = "position"  # beyond a joint's limit, or unable to stop before it
-    SPEED = "speed"  # too far from the command before
+    SPEED = "speed"  # too far from the previous command
     ACCELERATION = "acceleration"  # too sudden a change
     TOOL_SPEED = "tool_speed"
     WORKSPACE = "workspace"  # the tool would leave its box
-    LAG = "lag"  # too far ahead of a slowed arm, or the arm has left their path
+    LAG = "lag"  # too far ahead of a slowed arm, or on a path that the arm has left
 
 
 STATES, REASONS = list(SafetyState), list(StopReason)
@@ -50,6 +50,6 @@ def safety_state(indices: Vector) -> tuple[SafetyState, StopReason]:
 
 
 def describe_safety(indices: Vector) -> str:
-    """Return such a value as text: the state, and the reason if there is one."""
+    """Return a value of the port `state` as text: the state, and any reason."""
     state, reason = safety_state(indices)
     return ": ".join(x.value for x in (state, reason) if x is not StopReason.NONE)

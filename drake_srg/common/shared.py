@@ -1,4 +1,4 @@
-"""Values in a Context that its copies share."""
+"""Values that all copies of a Context share."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 class Shared:
     """A value in a Context that all copies of the Context share.
 
-    Derive a frozen dataclass from it: Drake copies contexts at every step, and a deep
-    copy of a large value costs more than the step. The value is replaced, never
-    changed, and so are its arrays, which become read-only: code that writes to one
-    raises a ValueError instead of changing other contexts, too.
+    Drake copies contexts at every step, and a deep copy of a large value costs more
+    than the step. Derive a frozen dataclass from this class, and replace the value
+    instead of changing it. Its arrays become read-only, so code that writes to one
+    raises a ValueError instead of changing other contexts.
     """
 
     def __post_init__(self) -> None:
@@ -30,13 +30,13 @@ def make_read_only(value: object, earlier: object = None) -> None:
     """Make all arrays in a value read-only.
 
     Args:
-        value: An array, or a dataclass, a mapping, a list or a tuple that may hold
-            some at any depth. Those in a `Shared` value are read-only already.
+        value: An array, or a dataclass, a mapping, a list or a tuple with arrays at any
+            depth. Arrays in a `Shared` value are read-only already.
         earlier: A value whose arrays are read-only. Parts that `value` shares with it
-            are not visited again: at each update of a planner, that is nearly all.
+            are skipped: at each update of a planner, nearly all of them.
     """
     if value is earlier or value is None or isinstance(value, float | int | str):
-        return  # most are; this is faster than asking for everything below
+        return  # the most frequent case first, to save time
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, tuple | list):

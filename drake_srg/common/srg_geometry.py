@@ -1,12 +1,12 @@
-"""Geometry of the SAKE Robotics gripper (SRG), stated once.
+"""Geometry of the SAKE Robotics gripper (SRG).
 
 Planning, experiments and the model builder (tools/models/srg.py) read these numbers.
 The tests compare them with models/sdf/srg.sdf.
 
-Palm frame: x points out of the palm, and two mirrored fingers move in the x-y plane.
-Link frames: at the link's hinge, with x along the link, y inwards (the closing side)
-and z along the hinge. Joint angles are 0 with the fingers open and straight, 180
-degrees apart, and increase as they close.
+Palm frame: x points out of the palm, and the two mirrored fingers move in the x-y
+plane. Link frames: at the link's hinge, with x along the link, y inwards (the closing
+side) and z along the hinge. Joint angles are 0 with the fingers straight and fully
+open, 180 degrees apart, and increase as they close.
 """
 
 import dataclasses as dc
@@ -16,22 +16,22 @@ import dataclasses as dc
 class SrgGeometry:
     """Lengths [m], angles [rad] and speeds [rad/s] of the SRG (EZGripper gen 2)."""
 
-    # SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper): where the base
-    # hinges are in the palm frame (the second one mirrored in y), distance from base
-    # hinge to tip hinge, largest angle of every joint, and top speed.
+    # From SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper): position of
+    # the base hinges in the palm frame (the second one is mirrored in y), distance from
+    # base hinge to tip hinge, largest angle of every joint, and top speed.
     hinge_x: float = 0.072569
     hinge_y: float = 0.03
     base_length: float = 0.052
     joint_limit: float = 1.94
     joint_speed: float = 3.67
 
-    # Faces of base link and pad, inwards from the line through the hinges. From the
-    # gap between the pads at a base angle of 90 degrees, 0.0416 (the same URDF with
-    # its meshes): hinge_y - 0.0416 / 2.
+    # Distance of the faces of base link and pad from the line through the hinges,
+    # inwards. In the same URDF with its meshes, the gap between the pads at a base
+    # angle of 90 degrees is 0.0416, so this is hinge_y - 0.0416 / 2.
     face_offset: float = 0.0092
-    # End of the pad, along the tip link from its hinge. From the distance between base
-    # hinge and fingertip with the finger straight, 0.1108 (the same URDF with its
-    # meshes), less base_length.
+    # End of the pad, along the tip link from its hinge. In the same URDF with its
+    # meshes, the straight finger has 0.1108 from base hinge to fingertip, so this is
+    # 0.1108 - base_length.
     pad_end: float = 0.0588
 
     # Bounding boxes of the vendor's STL parts. The palm's length is along its x, its
@@ -43,13 +43,13 @@ class SrgGeometry:
     palm_width: float = 0.0816
     palm_height: float = 0.0653
 
-    # Our model, not the vendor's: x of the palm's flat face, and of the frame
-    # `grasp_center`, which is 5 mm beyond the middle of the pads of straight fingers
-    # at 90 degrees.
+    # From our model, not the vendor's: x of the palm's flat face and of the frame
+    # `grasp_center`. With the fingers straight at 90 degrees, that frame is 5 mm beyond
+    # the middle of the pads.
     palm_face_x: float = 0.072
     grasp_center_x: float = 0.1631
 
-    # SRG thesis: base plus tip angle that closure 1 asks of an empty hand.
+    # From the SRG thesis: sum of base and tip angle of an empty hand at closure 1.
     full_scale: float = 3.0
 
     @property

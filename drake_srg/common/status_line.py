@@ -11,20 +11,20 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-# Time between lines where there is no terminal, and between changes on one [s].
+# Time between lines without a terminal, and between changes on a terminal [s].
 _LINES, _CHANGES = 60.0, 0.1
 
 
 class StatusLine:
     """A status line: updated in place on a terminal, one line a minute anywhere else.
 
-    Any thread may call. Use it as a context manager, or call `close`.
+    Thread-safe. Use it as a context manager, or call `close`.
 
     Args:
         stream: Stream to write to; None: standard error.
         shown: Whether to show anything.
-        at_once: Whether the first status is printed at once where there is no terminal,
-            and not after a minute.
+        at_once: Without a terminal: whether to print the first status at once, not
+            after a minute.
         clock: Returns the time [s].
     """
 
@@ -42,7 +42,7 @@ class StatusLine:
         self._shown, self._clock = shown, clock
         self._start = clock()
         self._due = self._start + (0.0 if self._terminal or at_once else _LINES)
-        self._text = ""  # what is on the terminal's line
+        self._text = ""  # the text on the terminal's line
         self._lock = threading.Lock()
 
     def __enter__(self) -> StatusLine:
@@ -52,11 +52,11 @@ class StatusLine:
         self.close()
 
     def show(self, text: str, *, last: bool = False) -> None:
-        """Show a new status, unless the one before is recent.
+        """Show a new status, unless the previous one is recent.
 
         Args:
             text: The status, one line.
-            last: Whether it is to stay on a terminal, however recent the one before is.
+            last: Whether to show it on a terminal even if the previous one is recent.
         """
         now = self._clock()
         with self._lock:
@@ -70,13 +70,13 @@ class StatusLine:
                 self._write(f"{text}\n")
 
     def count(self, done: int, total: int, words: str, begun: int = 0) -> None:
-        """Show how many of equal parts are done, and the time that is left.
+        """Show how many parts of equal length are done, and the time that is left.
 
         Args:
             done: Number of parts that are done.
             total: Number of all parts.
             words: Text after the count.
-            begun: Parts that were done before.
+            begun: Number of parts that were done when this line was made.
         """
         elapsed = self._clock() - self._start
         times = f"{_minutes(elapsed)} elapsed"
@@ -90,7 +90,7 @@ class StatusLine:
 
         Args:
             text: The message.
-            tell: Prints it; None: on standard error.
+            tell: Function that prints it; None prints to standard error.
         """
         with self._lock:
             if self._text:
@@ -116,7 +116,7 @@ class StatusLine:
             self._stream.flush()
         except BrokenPipeError:  # the reader is gone
             raise
-        except OSError:  # a full disk: a status is no result
+        except OSError:  # such as a full disk: losing a status does no harm
             pass
 
 

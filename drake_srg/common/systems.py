@@ -1,12 +1,13 @@
-"""Drake's diagrams: versions, simulators, ports and actuators.
+"""Helpers for Drake's diagrams: versions, simulators, ports and actuators.
 
-A function about versions says since which one the answer is the same. Delete it once
-that version is the oldest supported.
+Each function that depends on Drake's version names the version that changed the answer.
+Delete it once that version is the oldest supported.
 
-CENIC takes the velocities of `desired_state` with the opposite sign, in Drake 1.51.1
-as in 1.58; tests/common/test_systems_velocity_feedforward.py fails once Drake has
-changed this. A joint then lags by 2 kd / kp times its speed. With the velocity's share
-in `actuation` instead, the law is the same with every integrator.
+CENIC takes the velocities of `desired_state` with the opposite sign, both in Drake
+1.51.1 and in 1.58. A joint then lags by 2 kd / kp times its speed.
+`AddVelocityFeedforward` sends the velocity's share to `actuation` instead, which works
+the same with every integrator. tests/common/test_systems_velocity_feedforward.py fails
+once Drake has changed this.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from drake_srg.types import Vector
 
 SystemT = TypeVar("SystemT", bound=System)
 
-# The first version found to differ from 1.51.1, and what to install for it.
+# The first version found to behave differently from 1.51.1, and its requirement.
 NEWER_DRAKE = "drake >= 1.58 (Python 3.12+)"
 _NEWER = (1, 58)
 
@@ -77,9 +78,8 @@ def _version() -> tuple[int, ...]:
 def MakeSimulator(diagram: Diagram, config: SimulatorConfig) -> Simulator:
     """Return a simulator of a diagram.
 
-    In fixed steps, CENIC before Drake 1.58 does not mark as outdated what was computed
-    from the state before a step: poses, distances and contacts would be one step old.
-    So a monitor does.
+    With fixed steps, CENIC before Drake 1.58 does not invalidate the cache after a
+    step: poses, distances and contacts would be one step old. A monitor does it here.
     """
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config, simulator)
@@ -116,7 +116,7 @@ def value_or_none(port: InputPort, context: Context) -> Vector | None:
 def AddUnique(builder: DiagramBuilder, name: str, system: SystemT) -> SystemT:
     """Add a system to a diagram under a unique name.
 
-    Drake would end the process once the diagram is built.
+    With a duplicate name, Drake would end the process when the diagram is built.
 
     Raises:
         ValueError: If the name is taken.
@@ -165,8 +165,8 @@ def joint_to_actuator(
     """Return the matrix that puts torques of n joints into the actuators' order.
 
     Args:
-        plant: With the model.
-        model: Its model instance.
+        plant: The plant.
+        model: Model instance of the actuators.
         names: Names of the joints, in the order of the torques.
     """
     joints = [a.joint().name() for a in model_actuators(plant, model)]

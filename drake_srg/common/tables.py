@@ -62,16 +62,16 @@ def read_table(
     Args:
         path: The file.
         columns: Required columns.
-        only: Whether it must not have others.
+        only: Whether other columns are forbidden.
 
     Returns:
-        Of each row: file and line, for error messages, and entries by column.
+        For each row: file and line, for error messages, and entries by column.
 
     Raises:
         ScenarioError: If it cannot be read, or lacks a column or an entry.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write the mark
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write the BOM
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or "not a CSV file in UTF-8"
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
@@ -87,7 +87,7 @@ def parse_table(
         text: The text.
         name: Its file, for error messages.
         columns: Required columns.
-        only: Whether it must not have others.
+        only: Whether other columns are forbidden.
     """
     lines = [
         (number, line)
@@ -101,7 +101,9 @@ def parse_table(
         _check_header(header, name, columns)
         if only and (others := [c for c in header if c not in columns]):
             allowed = ", ".join(columns)
-            raise ScenarioError(f"{name}: column {others[0]} (columns: {allowed})")
+            raise ScenarioError(
+                f"{name}: unknown column {others[0]} (columns: {allowed})"
+            )
         for cells in reader:
             where = f"{name}: line {lines[reader.line_num - 1][0]}"
             if len(cells) != len(header):

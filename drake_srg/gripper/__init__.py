@@ -1,4 +1,4 @@
-"""Grippers: finger sensors, control, drives, and the drivers made of them."""
+"""Grippers: finger sensors, control, drives, and drivers that combine them."""
 
 from drake_srg.face import face
 

@@ -40,7 +40,8 @@ from drake_srg.types import Vector
 class GraspDetectorConfig(Config):
     """Timing of the grasp detector."""
 
-    # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
+    # Time for which sensors of all fingers must fire [s]: the arm thesis's post-contact
+    # delay.
     post_contact_delay: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # Time between evaluations [s].
     period: float = dc.field(default=0.01, metadata=positive())
@@ -57,9 +58,9 @@ class GraspDetector(LeafSystem):
         output_ports:
         - grasped
 
-    `triggered` (m) is nonzero where a sensor fires. `grasped` (1) is 1 while at least
-    one sensor of each finger has fired without a break for `config.post_contact_delay`,
-    else 0. The fingers of a closed empty hand sense each other: the joint angles
+    `triggered` (m) is nonzero where a sensor fires. `grasped` (1) is 1 once every
+    finger has had a firing sensor without a break for `config.post_contact_delay`, else
+    0. The fingers of a closed empty hand sense each other, too; only the joint angles
     distinguish this from a grasp.
 
     Args:
@@ -78,8 +79,7 @@ class GraspDetector(LeafSystem):
         self._triggered = self.DeclareVectorInputPort(
             name="triggered", size=sum(len(finger) for finger in fingers)
         )
-        # Start of the time in which all fingers have sensed something [s]; inf while
-        # they do not.
+        # Time since which all fingers have sensed something [s]; inf if they do not.
         self.DeclareDiscreteState([np.inf])
         self.DeclareVectorOutputPort(
             name="grasped",
@@ -103,7 +103,8 @@ class GraspDetector(LeafSystem):
         output[0] = context.get_time() - since >= self.config.post_contact_delay
 
 
-# Inputs from the plant and the scene graph. A driver has those that its sensors read.
+# Inputs from the plant and the scene graph. A driver has only those that its sensors
+# read.
 PLANT_INPUTS = (
     "plant_state",
     "query_object",
@@ -118,7 +119,7 @@ PLANT_INPUTS = (
 class FingerSensingConfig(Config):
     """The sensors of a gripper; the driver's configuration adds their `layout`.
 
-    Each field that is a `FingerSensorConfig` is a sensor; None leaves it out.
+    Each field with a `FingerSensorConfig` adds a sensor; None leaves it out.
     """
 
     layout: ClassVar[FingerLayout]
@@ -153,7 +154,7 @@ class FingerSensingConfig(Config):
 
 @dc.dataclass(frozen=True)
 class FingerSensing:
-    """Output ports that the rest of a driver reads."""
+    """Output ports of the sensors that the rest of a driver reads."""
 
     state_measured: OutputPort  # (2n), [q; v] of the n measured joints
     triggered: OutputPort  # (m), one per sensor
@@ -174,8 +175,8 @@ def AddFingerSensing(
     Ports of sensors are connected by name. An input port gets the driver's measurement
     (`state_measured`), the output of an earlier sensor, or one of `PLANT_INPUTS`, which
     the driver then exports. Every output port is exported, except `triggered` (m),
-    which is nonzero where a sensor fires. That of the sensor `config.trigger` feeds the
-    grasp detector.
+    which is nonzero where a sensor fires. The grasp detector reads the `triggered` of
+    the sensor `config.trigger`.
 
     Args:
         builder: The driver under construction.
@@ -183,7 +184,7 @@ def AddFingerSensing(
         gripper: Its model instance.
         config: Configuration of the sensors.
         period: Time between draws of the encoders' noise [s].
-        seed: Seed of that noise.
+        seed: Seed of the noise.
 
     Raises:
         ScenarioError: If the sensor of `config.trigger` has no port `triggered`.
@@ -278,9 +279,10 @@ class GripperControl:
 
     Attributes:
         inputs: Commands; `closure_commanded` (1) is required.
-        outputs: `actuation`, the joint torques [N m] in the order of the gripper's
-            actuators, is required, or `desired_state` [q; v] in that order, if
-            `prepare_plant` made them PD actuators.
+        outputs: Either `actuation` or `desired_state` is required. `actuation` holds
+            the joint torques [N m] in the order of the gripper's actuators.
+            `desired_state` is [q; v] in that order, for PD actuators that
+            `prepare_plant` has set up.
     """
 
     inputs: Mapping[str, InputPort]
@@ -320,16 +322,16 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         return None
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return the closure of an empty hand moved by one motor, and its joints [rad].
+        """Return the travel of the one motor for an empty hand, and its joints [rad].
 
-        The travel of the motor is in the driver's own unit. The joints are in the order
-        of `joint_names`.
+        The travel is in the driver's own unit. The joints are in the order of
+        `joint_names`.
 
         Args:
             closure: 0 open .. 1 closed.
 
         Raises:
-            ScenarioError: If no one motor closes this gripper.
+            ScenarioError: If no single motor closes this gripper.
         """
         raise ScenarioError(
             f"gripper: no single servo closes the gripper of !{type(self).__name__}"
@@ -374,9 +376,9 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
             plant: Plant with the gripper, finalized.
             gripper: Its model instance.
             seed: Seed of the encoders' noise.
-            name: Name of the driver in the diagram. Each needs its own.
+            name: Name of the driver in the diagram; it must be unique.
             scene_graph: Scene graph for the driver's `query_object`, if it has that
-                port; None: the caller connects it.
+                port. With None, the caller connects the port.
 
         Raises:
             ValueError: If the name is taken, or the driver controls PD actuators and

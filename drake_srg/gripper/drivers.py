@@ -36,7 +36,7 @@ def AddGripperDriver(
 
     Args:
         builder: Builder of the diagram.
-        plant: Finalized.
+        plant: Plant with the gripper, finalized.
         gripper: Its model instance.
         config: Configuration of the driver; its class chooses the driver.
         seed: Seed of the encoders' noise.

@@ -1,4 +1,4 @@
-"""Servos at a gripper's joints, sampled or solved by the plant."""
+"""Servos at a gripper's joints, either sampled systems or PD actuators of the plant."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -64,9 +64,9 @@ class JointServoDriver(GripperDriver):
     motor_strength: float = dc.field(default=1.0, metadata=positive())
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
-        """Change the plant as the driver needs it, before the plant is finalized.
+        """Prepare the plant for the driver, before the plant is finalized.
 
-        With the law `plant`, gives the joints their servos.
+        With the law `plant`, this gives the actuators gains and limits.
         """
         if self.servo.law == PLANT_LAW:
             SetPlantServos(
@@ -89,15 +89,15 @@ class PlantJointServos(LeafSystem):
         - feedforward
         - pwm
 
-    The inputs are those of `GripperServo`. The plant solves its law `pid`, without the
-    integral, implicitly and within its effort limits, so the law does not limit the
-    plant's step. The reference is sampled every `config.period`. `position` (n) [rad]
-    is the actuators' target, `feedforward` (n) the part of the PWM that does not depend
-    on the measurement, and `pwm` (n) their present torque. Both are fractions of full
-    scale.
+    The inputs are those of `GripperServo`. The plant solves the law `pid` of that
+    servo, without the integral, implicitly and within its effort limits. So the law
+    does not limit the plant's step. The reference is sampled every `config.period`.
+    `position` (n) [rad] is the actuators' target. `feedforward` (n) is the part of the
+    PWM that does not depend on the measurement. `pwm` (n) is the actuators' present
+    torque. Both are fractions of full scale.
 
-    The plant's limits are those of the motors. With a smaller `force_limit` kappa, each
-    sample limits `position` to within kappa / K_P of the measured angles.
+    The plant's effort limits are those of the motors. For a `force_limit` kappa below
+    1, each sample limits `position` to within kappa / K_P of the measured angles.
     """
 
     def __init__(self, config: GripperServoConfig) -> None:

@@ -22,11 +22,11 @@ from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Entries of the discrete state: reference angles and speeds of both cranks, the time
-# when these were chosen, the last closure, and whether something is gripped.
+# Entries of the discrete state: reference angles and speeds of both cranks, the time of
+# their last update, the last closure, and whether something is gripped.
 _ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
 
-# Speed of the slave over its lag behind the master [1/s].
+# Gain of the slave: its speed over its lag behind the master [1/s].
 SLAVE_GAIN = 20.0
 
 
@@ -62,25 +62,25 @@ class MasterSlaveReference(LeafSystem):
     Every `config.period`, the system chooses their speeds:
 
     * The master moves at `config.max_velocity` to the angle that `closure_commanded`
-      (1) asks for: 0 open .. 1 closed, clipped, NaN ignored.
+      (1) commands: 0 open .. 1 closed, clipped, NaN ignored.
     * The slave follows at clip(gain (master - slave), +-max_velocity), with the angles
       of `state_measured` (4), [q; v]. (The thesis has -master because its joints turn
       against each other.) At full speed, it lags by max_velocity / gain, 3 degrees.
     * Once `grasped` (1) is nonzero while the master closes, both stand still. Their
-      references are then beyond the contact, which makes the grip. They let go only
-      when the command opens the master. If the object is lost, they stay where they
-      are.
-    * When opening, the slave does not follow while its reference still presses. Both
-      references go back at full speed, so the grip fades equally on both sides and
-      neither finger pushes the object. The slave lags, so it never closes while the
-      master opens.
-    * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
-      crank, which moves there at `config.max_velocity`.
+      references are then beyond the contact, so the fingers press. The grip ends only
+      when the command opens the master. If the object is lost, both cranks stay at
+      rest.
+    * While the hand opens and the slave's reference still presses, the slave does not
+      follow the master. Both references return at full speed, so the grip fades equally
+      on both sides and neither finger pushes the object. After that, the slave follows
+      but never closes while the master opens.
+    * A finite entry of `joint_position_commanded` (2) [rad] overrides these rules for
+      its crank, which moves to that angle at `config.max_velocity`.
     * While `hold` (1) is nonzero, both stand still and keep their grip.
 
     `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo. q is continuous in
-    time and within 0 .. full_scale; a is zero. When a simulation starts, q is where the
-    cranks are.
+    time and within 0 .. full_scale; a is zero. When a simulation starts, q is the
+    cranks' position.
     """
 
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
@@ -159,12 +159,12 @@ def _angles(time: float, state: Vector) -> Vector:
 
 
 def _default_servo() -> GripperServoConfig:
-    # A crank turns almost only its servo's inertia, J = 0.0020 kg m², and its torque
+    # A crank's inertia is almost only its servo's, J = 0.0020 kg m², and its torque
     # limit is tau = 0.52 N m (linkage_gripper.sdf). Stiffness K = J w² with w = 30
     # rad/s. From the first contact to the end of the post-contact delay, a reference
-    # advances by 0.11 rad. That presses with K 0.11 rad / 45 mm, 4.5 N per finger. The
-    # damping is 3 J w. The back-EMF, b = 0.048 N m s/rad, is a part of it, and the
-    # first feedforward gain compensates for that part.
+    # advances by 0.11 rad, which presses with K 0.11 rad / 45 mm, 4.5 N per finger. The
+    # damping is 3 J w. It includes the back-EMF, b = 0.048 N m s/rad, for which the
+    # first feedforward gain compensates.
     tau, inertia, back_emf, w = 0.52, 0.0020, 0.048, 30.0
     return GripperServoConfig(
         kp=[inertia * w**2 / tau] * 2,
@@ -179,8 +179,8 @@ def _default_servo() -> GripperServoConfig:
 class LinkageDriver(JointServoDriver):
     """Two position-controlled cranks, as in the arm thesis.
 
-    closure -> MasterSlaveReference -> GripperServo. The PWM times the servo's stall
-    torque is the torque.
+    closure -> MasterSlaveReference -> GripperServo. The torque is the PWM times the
+    servo's stall torque.
 
     .. pydrake_system::
 
@@ -209,10 +209,10 @@ class LinkageDriver(JointServoDriver):
 
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
 
-    # Sensors fire 1 mm before contact. The table under a lying cylinder is 3 mm away,
-    # so they do not mistake it for an object, even if they look all round. The table
-    # under a standing one, 13 mm away, is out of range, which saves three quarters of
-    # the sensors' time.
+    # Sensors fire 1 mm before contact. In a grasp of a lying cylinder, the table is 3
+    # mm away, so they do not mistake it for an object, even if they look all round. In
+    # a grasp of a standing cylinder, the table is 13 mm away and out of range, which
+    # saves three quarters of the sensors' time.
     proximity: ProximityConfig = dc.field(
         default_factory=lambda: ProximityConfig(range=0.01, trigger_distance=0.001)
     )
@@ -220,7 +220,7 @@ class LinkageDriver(JointServoDriver):
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad]."""
+        """Return the travel of one motor for an empty hand, and its joints [rad]."""
         angle = closure * self.master_slave.full_scale
         return angle, np.full(2, angle)
 

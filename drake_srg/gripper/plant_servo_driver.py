@@ -32,7 +32,7 @@ from drake_srg.types import Vector
 
 
 class PlantServoLogic(UnderactuationLogic):
-    """Algorithm 1, with targets that limit how hard the servos press.
+    """Algorithm 1, with targets that limit the force of the servos.
 
     .. pydrake_system::
 
@@ -48,15 +48,15 @@ class PlantServoLogic(UnderactuationLogic):
         output_ports:
         - position_desired
 
-    A proportional servo that lags its target by K_P e = kappa presses with the fraction
+    A proportional servo whose error e satisfies K_P e = kappa presses with the fraction
     kappa of its torque. `force_limit` (1) is kappa, 0 .. 1: every `config.period`, the
-    targets are brought within kappa / K_P of the measured angles. Without a connection,
-    or if it is NaN, the argument `force_limit` counts. The other ports are those of
-    `UnderactuationLogic`.
+    targets are limited to within kappa / K_P of the measured angles. If the port is not
+    connected or is NaN, the argument `force_limit` applies. The other ports are those
+    of `UnderactuationLogic`.
 
     Args:
         kp: Gains K_P, shape (4,) [1/rad].
-        force_limit: kappa without a command.
+        force_limit: Default of kappa.
         config: Parameters of the algorithm.
     """
 
@@ -84,8 +84,8 @@ class PlantServoLogic(UnderactuationLogic):
         discrete_state.set_value(self._desired, desired)
 
 
-# Control period [s]. It is exact in binary: otherwise, some steps would be as short as
-# a rounding error.
+# Control period [s]. It must be exact in binary: otherwise, some steps would be as
+# short as a rounding error.
 _PERIOD = 3 / 64
 
 
@@ -109,9 +109,9 @@ class PlantServoDriver(JointServoDriver):
 
     closure -> PlantServoLogic -> the plant's PD actuators. Between two evaluations of
     Algorithm 1, only the plant is computed. It solves the servos' stiffness and torque
-    limits implicitly. There is no reference: the motors' back-EMF limits the speed. A
-    joint without load turns at `no_load_speed` at full torque, and slows down near its
-    target.
+    limits implicitly. There is no reference for the motion: the motors' back-EMF limits
+    the speed. A joint without load turns at `no_load_speed` at full torque, and slows
+    down near its target.
 
     .. pydrake_system::
 
@@ -146,7 +146,7 @@ class PlantServoDriver(JointServoDriver):
 
     trigger: str = "touch"
     # Null leaves out these sensors and the port `proximity`, which the planners need. A
-    # reading costs as much time as four steps of the plant.
+    # reading takes as much time as four steps of the plant.
     proximity: ProximityConfig | None = dc.field(  # type: ignore[assignment]  # optional here alone
         default_factory=lambda: ProximityConfig(period=_PERIOD)
     )
@@ -156,13 +156,14 @@ class PlantServoDriver(JointServoDriver):
     underactuation: UnderactuationConfig = dc.field(
         default_factory=lambda: UnderactuationConfig(period=_PERIOD)
     )
-    # The plant knows K_P, K_D and the limit alone; the other gains must be zero.
+    # The plant's actuators have only K_P, K_D and a limit, so all other gains must be
+    # zero.
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
     # Speed of a joint without load at full torque [rad/s].
     no_load_speed: float = dc.field(default=SRG.joint_speed, metadata=positive())
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad]."""
+        """Return the travel of one motor for an empty hand, and its joints [rad]."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
 
@@ -177,7 +178,7 @@ class PlantServoDriver(JointServoDriver):
             servo.law != "pid"
         ):
             raise ValueError(
-                "gripper.servo: the plant's servos have kp and kd alone (allowed: "
+                "gripper.servo: the plant's servos have only kp and kd (allowed: "
                 "law pid; ki, kff1, kff2 and pwm_steps 0)"
             )
         SetPlantServos(plant, gripper, self.joint_names, servo, self.motor_strength)
@@ -219,7 +220,7 @@ class PlantServoDriver(JointServoDriver):
 
 
 def _AddPwm(inner: DiagramBuilder, kp: Vector, kd: Vector) -> Diagram:
-    """Add `pwm`, the plant's law for a target (4) and a state (8)."""
+    """Add `pwm`, which evaluates the plant's law for a target (4) and a state (8)."""
     builder = DiagramBuilder()
     mux = builder.AddSystem(Multiplexer([4, 8]))
     law = builder.AddSystem(

@@ -25,7 +25,7 @@ from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Inner normal of every link with a sensor, in the link's frame. Its y points to the
+# Inner normal of every link with a sensor, in the link's frame, whose y points to the
 # closing side.
 INWARD = np.array([0.0, 1.0, 0.0])
 INWARD.setflags(write=False)
@@ -36,10 +36,10 @@ class FingerLayout:
     """The joints, links and fingers of a gripper, for its drivers and sensors.
 
     Attributes:
-        joint_names: Joints with an encoder, in the order of everything with one entry
+        joint_names: Joints with an encoder, in the order of all vectors with one entry
             per joint.
         sensor_links: The link that carries each sensor, by the sensor's name, in the
-            order of everything with one entry per sensor.
+            order of all vectors with one entry per sensor.
         fingers: The indices of the sensors of each finger.
         seen: The gripper's own links that a distance sensor sees, by the sensor's name.
             A sensor without an entry sees no link of the gripper.
@@ -80,8 +80,8 @@ LINKAGE_FINGERS = FingerLayout(
 class FingerSensorConfig(Config, abc.ABC):
     """Configuration of a sensor in the fingers; derive a dataclass from it.
 
-    A field of this type in a driver's configuration adds the sensor to that driver. See
-    `AddFingerSensing` for how its ports are connected.
+    A field of this type in a driver's configuration adds the sensor to that driver.
+    `AddFingerSensing` connects the sensor's ports.
     """
 
     @abc.abstractmethod
@@ -106,23 +106,24 @@ class FingerSensorConfig(Config, abc.ABC):
 class ProximityConfig(FingerSensorConfig):
     """Field of view, range, trigger and rate of the distance sensors."""
 
-    # Readings saturate here [m]. A longer range costs time because more pairs are near.
+    # Readings saturate here [m]. A longer range takes more time, because more pairs of
+    # geometries are near.
     range: float = dc.field(default=0.02, metadata=positive())
     # A sensor fires below this distance [m].
     trigger_distance: float = dc.field(default=0.003, metadata=positive())
     # Half angle of the cone about the link's inner normal in which a sensor sees [rad];
-    # pi: all round. 60 degrees show objects whose sides are up to 60 degrees oblique to
-    # the pad. They hide a table below links that are within 30 degrees of upright. A
-    # face misses an object at the trigger distance only over its outer 1.7 mm (see
-    # `ProximitySensors`).
+    # pi: all round. With 60 degrees, a sensor sees objects whose sides are oblique to
+    # the pad by up to 60 degrees. It does not see a table below links that are within
+    # 30 degrees of upright. A face misses an object at the trigger distance only over
+    # its outer 1.7 mm (see `ProximitySensors`).
     half_angle: float = dc.field(
         default=math.radians(60.0), metadata=positive(le=math.pi)
     )
-    # Time between readings [s]. A reading costs 0.2 ms, at 100 Hz a twelfth of the time
-    # that the plant needs. Algorithm 1 and the reference are sampled at the same rate,
-    # and each sees the other's last value. So a finger reacts 20 to 35 ms after it
-    # comes near something. Meanwhile, its end moves at most 13 mm (3.67 rad/s over 0.1
-    # m).
+    # Time between readings [s]. A reading takes 0.2 ms; at 100 Hz, that is a twelfth of
+    # the plant's time. Algorithm 1 and the reference are sampled at the same rate, and
+    # each uses the previous value of the one before. So a finger reacts 20 to 35 ms
+    # after it comes near something. Meanwhile, its end moves at most 13 mm (3.67 rad/s
+    # over 0.1 m).
     period: float = dc.field(default=0.01, metadata=positive())
 
     def AddSensor(
@@ -172,14 +173,14 @@ class ProximitySensors(LeafSystem):
     penetration. `triggered` (m) is 1 where the distance is below
     `config.trigger_distance`, else 0. Both are sampled every `config.period`.
 
-    A geometry of a sensor sees another one if the direction to its nearest point (in
-    penetration: the contact normal) is within `config.half_angle` of the link's inner
-    normal. Then nothing within that angle is nearer. A flat face can miss a convex
-    object in front of it, but only at the rim: where the object is h above the face,
-    the face's edge is at most h / tan(half_angle) away. The geometries of a link do not
-    block each other's view. An object in the corner between two of them counts,
-    although it is beside the nearer one. Likewise, a geometry behind a pad can see a
-    round object at the pad's end, from farther away.
+    A geometry of a sensor sees another geometry if the direction to that one's nearest
+    point (in penetration: the contact normal) is within `config.half_angle` of the
+    link's inner normal. A flat face can miss a convex object in front of it, but only
+    at the rim: if the object is h above the face there, the face's edge is at most
+    h / tan(half_angle) away. The geometries of a link do not block each other's view.
+    So an object in the corner between two of them counts, although it is beside the
+    nearer one. Likewise, a geometry behind a pad can see a round object at the pad's
+    end, from farther away.
 
     Args:
         sensors: The geometries from which each sensor measures, by its name.
@@ -202,7 +203,7 @@ class ProximitySensors(LeafSystem):
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
-        # Rounding must not narrow the field of view.
+        # The margin keeps rounding from narrowing the field of view.
         self._least_cosine = math.cos(self.config.half_angle) - 1e-9
         self._query = self.DeclareAbstractInputPort(
             name="query_object", model_value=AbstractValue.Make(QueryObject())
@@ -235,7 +236,7 @@ class ProximitySensors(LeafSystem):
                     frame = query.inspector().GetFrameId(A if is_A else B)
                     normals[i] = query.GetPoseInWorld(frame).rotation() @ INWARD
                 away = normals[i] @ pair.nhat_BA_W
-                # A touch in a single point can lack a direction (NaN): it counts.
+                # For a touch in a single point, the direction may be NaN; it counts.
                 if not (-away if is_A else away) < self._least_cosine:
                     distances[i] = distance
         discrete_state.set_value(distances)
@@ -248,10 +249,10 @@ class ProximitySensors(LeafSystem):
 
 @dc.dataclass(kw_only=True)
 class TouchConfig(FingerSensorConfig):
-    """Threshold from which a touch counts."""
+    """Threshold of the touch sensors."""
 
-    # A sensor fires at this force and above [N]. Thin-film force sensors begin to read
-    # at 0.1 to 0.5 N.
+    # A sensor fires at this force and above [N]. The readings of thin-film force
+    # sensors begin at 0.1 to 0.5 N.
     trigger_force: float = dc.field(default=0.5, metadata=positive())
 
     def AddSensor(
@@ -285,10 +286,10 @@ class ContactForceSensors(LeafSystem):
         - contact_wrench
         - triggered
 
-    `contact_results` and `body_poses` are the plant's. The outputs have one entry per
-    sensor and are computed when they are read:
+    `contact_results` and `body_poses` are outputs of the plant. The outputs have one
+    entry per sensor and are computed when they are read:
 
-    * `contact_force` (m) [N]: pressure on the closing side, as a force sensor under the
+    * `contact_force` (m) [N]: force on the closing side, as a force sensor under the
       pad reads it: the sum of all contact forces against the link's inner normal, at
       least 0;
     * `contact_wrench` (6m) [N m, N]: [torque; force] of all contacts on each link, at
@@ -298,7 +299,7 @@ class ContactForceSensors(LeafSystem):
     Args:
         links: The index of the body of each sensor and the body's collision geometries,
             by the sensor's name.
-        config: Force from which a touch counts.
+        config: Threshold of the force.
     """
 
     def __init__(
@@ -335,7 +336,10 @@ class ContactForceSensors(LeafSystem):
     def _applied(
         self, context: Context
     ) -> Iterator[tuple[int, RigidTransform, float, Contact]]:
-        """Yield each contact on a link: sensor, link's pose, sign of A's force."""
+        """Yield each contact on a link: sensor, link's pose, sign, contact.
+
+        `sign` times the contact's force on A is the force on the link.
+        """
         poses: list[RigidTransform] = []  # read at the first contact
         for contact in each_contact(self._contacts.Eval(context)):
             for id_, sign in ((contact.id_A, 1.0), (contact.id_B, -1.0)):
@@ -356,13 +360,13 @@ class ContactForceSensors(LeafSystem):
         output.SetFromVector(wrenches.flatten())
 
     def _forces(self, context: Context) -> Vector:
-        """Return the pressure on the closing side of each link, shape (m,) [N]."""
-        # Without the torques, which would take four times as long.
+        """Return the force on the closing side of each link, shape (m,) [N]."""
+        # Not from `contact_wrench`, because torques would take four times as long.
         forces = np.zeros((len(self._bodies), 3))
         for sensor, X_WL, sign, contact in self._applied(context):
             R_WL = X_WL.rotation().matrix()
             forces[sensor] += R_WL.T @ (sign * contact.F_Ac_W().translational())
-        # Pressure on the closing side pushes outwards.
+        # A force on the closing side points outwards.
         return np.maximum(-forces @ INWARD, 0.0)
 
     def _calc_contact_force(self, context: Context, output: BasicVector) -> None:

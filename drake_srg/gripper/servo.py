@@ -6,7 +6,7 @@ Equation 2.3 of the thesis reads
                 + K_D (q* - q) / q')_kappa
 
 with q the minimum-jerk trajectory and q*, 0 .. 100, the target. No measurement appears
-in the equation. `GripperServo` offers three readings of it.
+in the equation. `GripperServo` offers three interpretations of it.
 """
 
 import dataclasses as dc
@@ -35,9 +35,9 @@ class MinimumJerkConfig(Config):
 
     # Peak speed of a rest-to-rest motion [rad/s].
     max_velocity: float = dc.field(default=SRG.joint_speed, metadata=positive())
-    # Shortest motion [s]: small corrections take this long.
+    # Duration of the shortest motion, such as a small correction [s].
     min_duration: float = dc.field(default=0.08, metadata=positive())
-    # Time between readings of the target [s]: Algorithm 1 changes it at 100 Hz.
+    # Time between readings of the target [s]. Algorithm 1 changes the target at 100 Hz.
     period: float = dc.field(default=0.01, metadata=positive())
 
 
@@ -87,12 +87,12 @@ class MinimumJerkReference(LeafSystem):
 
     Every `config.period`, the system compares the targets, `position_desired` (n)
     [rad], with those in use. A joint whose target has changed starts a new quintic from
-    its reference (position, velocity and acceleration stay continuous) to rest at the
-    target. It takes the longer of `config.min_duration` and the time that keeps a
-    rest-to-rest motion below `config.max_velocity`.
+    its present reference to rest at the target, continuous in position, velocity and
+    acceleration. The motion takes the longer of `config.min_duration` and the time that
+    keeps a rest-to-rest motion below `config.max_velocity`.
 
     `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time. When a
-    simulation starts, it rests where the joints are, according to `state_measured`
+    simulation starts, it rests at the joints' position according to `state_measured`
     (2n), [q; v].
 
     Args:
@@ -129,7 +129,7 @@ class MinimumJerkReference(LeafSystem):
         """Set the reference to a position at rest.
 
         Args:
-            context: This system's.
+            context: Context of this system.
             position: Position of the joints, shape (n,) [rad].
         """
         context.SetDiscreteState(self._at_rest(context, position))
@@ -157,7 +157,7 @@ class MinimumJerkReference(LeafSystem):
         desired = self._desired.Eval(context).tolist()
         if desired == [row[_TARGET] for row in rows]:
             return
-        # Joint by joint, like the output.
+        # Joint by joint, as in `_calc_reference`.
         for row, target in zip(rows, desired, strict=True):
             if row[_TARGET] == target:
                 continue
@@ -193,7 +193,7 @@ def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]
 
 
 LAWS = ("pid", "printed", "literal")
-PLANT_LAW = "plant"  # `pid` without integral, solved by the plant: `PlantJointServos`
+PLANT_LAW = "plant"  # `pid` without integral, solved by the plant (PlantJointServos)
 
 
 @dc.dataclass(kw_only=True)
@@ -201,9 +201,9 @@ class GripperServoConfig(Config):
     """Gains of n servos. PWM is a fraction of full scale, -1 .. 1."""
 
     kp: list[float] = dc.field(metadata={"ge": 0.0})  # K_P [1/rad]
-    # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
-    # error that Algorithm 1 leaves on purpose, to press on the object.
-    # In the laws `printed` and `literal`, it multiplies e q' [s/rad²].
+    # K_I [1/(rad s)]. Zero suits the SRG: to press on an object, Algorithm 1 leaves a
+    # position error, which an integral would wind up. In the laws `printed` and
+    # `literal`, it multiplies e q' [s/rad²].
     ki: list[float] = dc.field(metadata={"ge": 0.0})
     # K_D [s/rad]. In the laws `printed` and `literal`, it multiplies e / q' [1/s].
     kd: list[float] = dc.field(metadata={"ge": 0.0})
@@ -212,13 +212,13 @@ class GripperServoConfig(Config):
     law: str = dc.field(default="pid", metadata={"among": (*LAWS, PLANT_LAW)})
     # kappa if the port `force_limit` is not connected.
     force_limit: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
-    # Anti-windup by back-calculation: the integral follows the saturation in this time
-    # [s].
+    # Time constant with which the integral follows the saturation [s] (anti-windup by
+    # back-calculation).
     tracking_time: float = dc.field(default=0.05, metadata=positive())
     # Share of K_FF1 that torque control applies to the measured speed. If K_FF1
     # compensates for back-EMF, 1 would be perfect current control, and a motor on wires
-    # would ring for seconds. A fifth of the damping stays, in place of a real motor's
-    # friction.
+    # would ring for seconds. The default keeps a fifth of the damping, in place of a
+    # real motor's friction.
     current_control: float = dc.field(default=0.8, metadata={"ge": 0.0, "le": 1.0})
     # PWM steps from 0 to full scale, such as 1023 for the register of an MX-64; 0 for
     # a continuous PWM.
@@ -263,24 +263,24 @@ class GripperServo(LeafSystem):
       where e is the reference minus the measured position. The integral follows the
       saturation (back-calculation), so it does not wind up.
     * Law `printed` takes the terms as printed, and the error as in `pid`: feedback
-      = K_P e + K_I e q' + K_D e / q'. The thesis's q* is read as the reference and
-      the q of q* - q as the measurement.
+      = K_P e + K_I e q' + K_D e / q'. It takes q* for the reference, and the q of
+      q* - q for the measurement.
     * Law `literal` also takes the symbols as the thesis defines them: the same
-      terms with e = `position_desired` minus reference. Nothing is measured, so the
-      servo cannot resist a load.
+      terms with e = `position_desired` minus reference. It uses no measurement, so
+      the servo cannot resist a load.
 
-    The last two are here for comparison, not for use. They evaluate e / q' as
-    e q' / (q'² + s²) with a small s, so that the term fades out at rest.
+    The laws `printed` and `literal` are for comparison, not for use. They evaluate
+    e / q' as e q' / (q'² + s²) with a small s, so that the term fades out at rest.
 
-    The thesis's q* is 0 .. 100 percent of closure. The drivers convert it:
-    `full_scale` / 100 radians of base plus tip angle are one percent, and
-    Algorithm 1, or the spool, computes each motor's target from that. Gains in
-    percent would be scaled gains in rad, so the unit changes no law.
+    The thesis's q* is 0 .. 100 percent of closure. The drivers convert it: one
+    percent is `full_scale` / 100 radians of base plus tip angle, from which
+    Algorithm 1, or the spool, computes each motor's target. The unit only scales
+    the gains; the laws stay the same.
 
-    We read the floor brackets with kappa as a symmetric limit. With
+    We interpret the floor brackets with kappa as a symmetric limit. With
     `config.pwm_steps` = N, they also round down: the PWM and kappa become the next
-    lower multiples of 1 / N. This also lowers negative values, so the PWM shifts
-    towards opening, by half a step on average.
+    lower multiples of 1 / N. Negative values become lower, too, so on average the
+    PWM shifts by half a step towards opening.
 
     A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
     full PWM, switches its servo from position to torque control:
@@ -288,7 +288,8 @@ class GripperServo(LeafSystem):
         PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
 
     with c = `config.current_control`, so the torque hardly falls with the speed.
-    Steps apply here, too. The integral does not change during torque control.
+    `config.pwm_steps` applies here, too. The integral does not change during torque
+    control.
 
     `pwm` (n) is the held PWM, a fraction of full scale.
     """
@@ -391,7 +392,7 @@ class GripperServo(LeafSystem):
             rate = ki * error + (saturated - pwm) / config.tracking_time
             integral = integral + config.period * rate
         if config.pwm_steps:
-            steps = config.pwm_steps  # PWM rounds down, the limit towards zero
+            steps = config.pwm_steps  # the PWM rounds down, the limit towards zero
             saturated = max(np.floor(steps * saturated), -np.floor(steps * limit))
             saturated = saturated / steps
         return integral, saturated

@@ -27,14 +27,14 @@ from drake_srg.types import Vector
 
 
 def _default_servo() -> GripperServoConfig:
-    # The joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip). The inertia J
-    # that a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
-    # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate.
-    # The middle of the pad is 34 mm beyond the tip hinge and 85 mm beyond the base
-    # hinge. A fingertip pinch presses there if the base and tip torques are as 85 : 34.
-    # Both joints then have the same position error (Algorithm 1), so K_tip = K_base /
-    # 2.5. K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 is the joint's
-    # damping over tau; K_FF2 = J / tau.
+    # The joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip). A joint's
+    # inertia J is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf). Stiffness
+    # K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate. The pad's
+    # middle is 34 mm beyond the tip hinge and 85 mm beyond the base hinge. A fingertip
+    # pinch presses there if the base and tip torques have the ratio 85 : 34. With
+    # Algorithm 1, both joints have the same position error, so K_tip = K_base / 2.5.
+    # K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 is the joint's damping
+    # over tau; K_FF2 = J / tau.
     base, tip = 0, 1
     tau = np.array([2.0, 1.4])
     inertia = np.array([0.0037, 0.0019])
@@ -57,8 +57,8 @@ def _default_servo() -> GripperServoConfig:
 class SrgPositionDriver(JointServoDriver):
     """Four position-controlled joints, as in the SRG thesis's V-REP model.
 
-    closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo. The PWM
-    times the joint's torque limit is the torque.
+    closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo. The torque
+    is the PWM times the joint's torque limit.
 
     .. pydrake_system::
 
@@ -91,7 +91,7 @@ class SrgPositionDriver(JointServoDriver):
 
     * `closure_commanded` (1): 0 open .. 1 closed;
     * `joint_position_commanded` (4) [rad]: a finite entry overrides the joint's target
-      from closure, NaN does not;
+      from closure;
     * `hold` (1): while nonzero, the fingers keep their positions and their grip;
     * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
     * `closure_messages` (1): number of messages so far that commanded a closure;
@@ -113,7 +113,7 @@ class SrgPositionDriver(JointServoDriver):
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad]."""
+        """Return the travel of one motor for an empty hand, and its joints [rad]."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
 

@@ -41,10 +41,11 @@ from drake_srg.types import Vector
 class SpoolCommandConfig(Config):
     """Parameters of the map from closure to spool angle."""
 
-    # Base plus tip angle of an empty hand at closure 1 [rad]. Beyond the base's limit,
-    # the tip closes. Both are as in `UnderactuationConfig`.
+    # Base plus tip angle of an empty hand at closure 1 [rad], as in
+    # `UnderactuationConfig`.
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
-    # The fitted moment arms end at 2.007 rad.
+    # Limit of the base, beyond which the tip closes [rad]. The fitted moment arms end
+    # at 2.007 rad.
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive(le=2.007))
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
@@ -52,9 +53,9 @@ class SpoolCommandConfig(Config):
 def spool_angle(
     closure: float, spool_radius: float, config: SpoolCommandConfig
 ) -> float:
-    """Return the spool angle that gives an empty hand some closure [rad].
+    """Return the spool angle at which an empty hand has a given closure [rad].
 
-    Closure thus means the same for both drivers; see `empty_hand`.
+    So closure means the same as for `SrgPositionDriver`; see `empty_hand`.
 
     Args:
         closure: 0 open .. 1 closed, clipped.
@@ -85,15 +86,15 @@ class SpoolCommand(LeafSystem):
 
     The outputs, updated every `config.period`, are `angle_desired` (1) [rad] and
     `torque_desired` (1), a fraction of the torque at full PWM. The torque is NaN while
-    the motor follows the angle. Commands, the strongest first:
+    the motor follows the angle. Commands, in order of priority:
 
-    * `hold` (1): while nonzero, the hand keeps its state. If one of the sensors,
-      `triggered` (4), fired when the hold began, the target (or a torque that winds the
-      spool) stays, and with it the grip. Otherwise, the spool keeps its angle at that
-      time, from `motor_state` (2).
-    * `motor_torque_commanded` (1): while finite, the motor obeys it. The target follows
+    * `hold` (1): while nonzero, the hand keeps its state. If a sensor, `triggered` (4),
+      fired when the hold began, the target (or a torque that winds the spool) stays,
+      and with it the grip. Otherwise, the spool keeps its angle at that time, from
+      `motor_state` (2).
+    * `motor_torque_commanded` (1): a torque, if finite. Meanwhile, the target follows
       the spool, so that position control can take over from there.
-    * `motor_position_commanded` (1): a finite spool angle [rad].
+    * `motor_position_commanded` (1): a spool angle [rad], if finite.
     * `closure_commanded` (1): 0 open .. 1 closed, clipped, NaN ignored.
 
     When a simulation starts, the target is the angle of `taut_state` (2).
@@ -182,8 +183,8 @@ class TorqueControl(LeafSystem):
 
     `torque_desired` (1) is a fraction of the torque at rest at full PWM without dead
     band. It is NaN while the motor controls its position. `pwm_desired` (1) is the
-    fraction of full PWM that gives this torque, updated every `period`, or NaN. With
-    `drive.torque_rise` = 0 it does so at once. Otherwise it starts from 0 and rises:
+    fraction of full PWM that gives this torque, updated every `period`, or NaN. If
+    `drive.torque_rise` is 0, it gives the torque at once. Otherwise, it starts from 0:
 
         pwm' = (torque_desired - useful(pwm)) / torque_rise
 
@@ -213,7 +214,7 @@ class TorqueControl(LeafSystem):
         else:
             pwm = before if np.isfinite(before) else 0.0
             error = torque - drive.useful_pwm(pwm)
-            # With a shorter rise, updates would overshoot and never settle.
+            # With a shorter rise than this, updates would overshoot and never settle.
             rise = max(drive.torque_rise, self._period / (1.0 - drive.dead_band))
             pwm += self._period * error / rise
         discrete_state.set_value([np.clip(pwm, -1.0, 1.0)])
@@ -230,8 +231,8 @@ def _default_motor_servo() -> GripperServoConfig:
         kd=[0.0],
         kff1=[drive.motor_damping / drive.full_torque],
         kff2=[drive.reflected_inertia / drive.full_torque],
-        # The servo is so stiff that it always presses as hard as this allows: 103 N at
-        # each wire.
+        # The servo is so stiff that it always presses as hard as this limit allows: 103
+        # N at each wire.
         force_limit=1 / 3,
     )
 
@@ -269,23 +270,22 @@ class SrgTendonDriver(GripperDriver):
         - actuation
 
     The ports are those of `SrgPositionDriver`, except that single joints cannot be
-    commanded, and that `pwm` (1) is the motor's, so `force_limit` limits its torque and
-    its speed. See `SpoolCommand` for the commands, the strongest first, `TendonDrive`
-    for `motor_state` and `wire_force`, and `MotorTemperature` for `motor_temperature`.
-    `force_limit` holds for all commands. A `motor_torque_commanded` of 0 is a motor
-    without power, which the springs turn back.
+    commanded, and that `pwm` (1) is that of the one motor. So `force_limit` limits the
+    motor's torque and speed, with all commands. See `SpoolCommand` for the commands and
+    their priority, `TendonDrive` for `motor_state` and `wire_force`, and
+    `MotorTemperature` for `motor_temperature`. With a `motor_torque_commanded` of 0,
+    the motor has no power, and the springs turn it back.
 
     Call `prepare_plant` before the plant is finalized.
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
-    # The wires are springs as fast as the fingers themselves, so they are updated with
-    # the plant's steps. On an error-controlled plant, held objects creep
-    # (docs/speed.md).
+    # The wires' dynamics are as fast as the fingers', so they are updated with the
+    # plant's steps. On an error-controlled plant, held objects creep (docs/speed.md).
     needs_discrete_plant: ClassVar[bool] = True
 
     spool: SpoolCommandConfig = dc.field(default_factory=SpoolCommandConfig)
-    # 4.5 rad/s at the spool is 0.87 of the motor's no-load speed at full scale.
+    # 4.5 rad/s at the spool is 0.87 times the motor's no-load speed at full scale.
     minimum_jerk: MinimumJerkConfig = dc.field(
         default_factory=lambda: MinimumJerkConfig(max_velocity=4.5)
     )
@@ -302,11 +302,11 @@ class SrgTendonDriver(GripperDriver):
 
     @property
     def wire_motor(self) -> WireMotor | None:
-        """Return the motor that winds the wires."""
+        """The motor that winds the wires."""
         return self
 
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
-        """Return how far one motor closes an empty hand, and its joints there [rad]."""
+        """Return the wire's travel [m] for an empty hand, and its joints [rad]."""
         config = self.spool
         return empty_hand(closure, config.full_scale, config.base_limit)
 
@@ -407,8 +407,8 @@ def SetTendonDynamics(
     """Prepare an SRG's joints for its wires, before the plant is finalized.
 
     In the model file, each joint has a share of the motor's inertia, friction and
-    torque limit, for drivers without a motor. Here the motor is at the other end of the
-    wires.
+    torque limit, for drivers that do not model the motor. Here, the motor is at the
+    other end of the wires, so these shares are removed.
 
     Args:
         plant: Plant with the gripper, not yet finalized.

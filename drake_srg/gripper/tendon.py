@@ -1,10 +1,4 @@
-"""The SRG's drive: a motor that winds a wire per finger, friction, temperature.
-
-tools/fit_moment_arms.py fits these polynomials to the arms of SAKE's public MuJoCo
-model (experiments/data/tendon_moment_arms.csv), within 0.02 % (base, up to
-2.007 rad) and 0.05 % (tip, up to 1.745 rad). The arms are separable: the base's depends
-on the base angle alone, the tip's on the tip angle alone.
-"""
+"""The SRG's drive: a motor that winds a wire per finger, friction, temperature."""
 
 import dataclasses as dc
 import math
@@ -25,7 +19,11 @@ from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.types import Vector
 
-# Coefficients, lowest power first [m, m/rad, ...].
+# Coefficients of the moment arms, lowest power first [m, m/rad, ...].
+# tools/fit_moment_arms.py fits them to SAKE's public MuJoCo model
+# (experiments/data/tendon_moment_arms.csv), within 0.02 % (base, up to 2.007 rad) and
+# 0.05 % (tip, up to 1.745 rad). The base's arm depends only on the base angle, the
+# tip's only on the tip angle.
 _BASE = (
     *(6.482929e-3, 7.294326e-3, -3.261617e-4, -2.293250e-3),
     *(3.144639e-3, -2.975419e-3, 1.379180e-3, -2.771902e-4),
@@ -46,9 +44,9 @@ def tip_moment_arm(tip: Any) -> Any:
 
 
 def wire_travel(base: Any, tip: Any) -> Any:
-    """Return the wire length that moves a finger from open to these angles [m].
+    """Return the wire length that moves a finger from open to given angles [m].
 
-    It is the integral of the moment arms, so the wire's work is the joints' work.
+    It is the integral of the moment arms, so the wire's work equals the joints' work.
 
     Args:
         base: Base angle [rad].
@@ -60,9 +58,9 @@ def wire_travel(base: Any, tip: Any) -> Any:
 def empty_hand(
     closure: float, full_scale: float, base_limit: float
 ) -> tuple[float, Vector]:
-    """Return the wire travel [m] and the joints [rad] of an SRG that closes on nothing.
+    """Return the wire travel [m] and the joints [rad] of an empty SRG at a closure.
 
-    A wire moves the base to its limit and then the tip, as Algorithm 1 does.
+    The base moves to its limit first, and then the tip, as in Algorithm 1.
 
     Args:
         closure: 0 open .. 1 closed, clipped.
@@ -82,8 +80,8 @@ def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
     return value
 
 
-# Travel after which a wire that reverses slides on its guides [m]: the stretch of the
-# wire in the guides, about 10 mm at 1 %.
+# Travel after which a wire that reverses slides on its guides [m]: the stretch, about
+# 1 %, of the 10 mm of wire in the guides.
 WIRE_PRESLIDING = 1e-4
 
 
@@ -91,17 +89,17 @@ WIRE_PRESLIDING = 1e-4
 class DriveFrictionConfig(Config):
     """Friction of gears and wires. Off by default: no data sheet states a value."""
 
-    # Friction of the gear train at the spool: a constant part [N m], and a share of the
-    # wires' torque, due to tooth forces (at 1, the load cannot drive the motor back).
-    # The motor's stall torque does not include this friction.
+    # Friction of the gear train at the spool: a constant part [N m], and a part
+    # proportional to the wires' torque, due to tooth forces (at 1, the load cannot turn
+    # the motor back). The motor's stall torque does not include this friction.
     gear: float = dc.field(default=0.0, metadata={"ge": 0.0})
     gear_load: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    # Friction that holds a resting spool, over the friction of a moving one. For
-    # lubricated steel gears, it is 1.2 to 1.5.
+    # Friction of a resting spool, over that of a moving one: 1.2 to 1.5 for lubricated
+    # steel gears.
     stiction: float = dc.field(default=1.0, metadata={"ge": 1.0, "le": 3.0})
     # Capstan friction of a wire on its guides: coefficient times angle of wrap [rad].
-    # The finger's end pulls with exp(-wire) of the spool's while the wire winds in,
-    # and with exp(wire) while it pays out.
+    # The force at the finger is exp(-wire) times that at the spool while the wire winds
+    # in, and exp(wire) times while it pays out.
     wire: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
 
     def gear_torque(self, load: float) -> float:
@@ -118,23 +116,23 @@ class DriveFrictionConfig(Config):
 
 
 def reduce_magnitude(value: float, most: float) -> float:
-    """Return a value moved towards 0 by at most `most`, as Coulomb friction slows.
+    """Return a value moved towards 0 by at most `most`, as Coulomb friction does.
 
     Args:
-        value: Such as a speed without friction [rad/s].
-        most: Such as the largest change of speed by friction in a step [rad/s].
+        value: For example, a speed without friction [rad/s].
+        most: For example, the largest change of speed by friction in a step [rad/s].
     """
     return max(value - most, 0.0) + min(value + most, 0.0)
 
 
 def apply_stiction(before: float, speed: float, most: float, after: float) -> float:
-    """Return the speed after friction, which is 0 while stiction holds the spool.
+    """Return the speed with friction, which is 0 while stiction holds the spool.
 
     Args:
         before: Speed before the step [rad/s].
-        speed: After the step, without friction [rad/s].
+        speed: Speed after the step, without friction [rad/s].
         most: Largest change of speed that stiction resists in this step [rad/s].
-        after: After the step, with the friction of a moving spool [rad/s].
+        after: Speed after the step, with the friction of a moving spool [rad/s].
     """
     return 0.0 if before == 0.0 and abs(speed) <= most else after
 
@@ -143,7 +141,7 @@ def wire_slip(state: float, travel: float, presliding: float) -> float:
     """Return the state of a wire's friction: -1 sliding out .. 1 sliding in.
 
     Args:
-        state: Before the travel, -1 .. 1.
+        state: State before the travel, -1 .. 1.
         travel: Travel of the wire along its guides towards the spool [m].
         presliding: Travel from no friction to sliding [m].
     """
@@ -176,29 +174,30 @@ class TendonDriveConfig(Config):
     # Data sheet of the MX-64, at 12 V: stall torque [N m] and no-load speed [rad/s].
     stall_torque: float = dc.field(default=6.0, metadata=positive())
     no_load_speed: float = dc.field(default=6.6, metadata=positive())
-    # Share of these at full PWM: SAKE's driver libezgripper uses 800 of 1023.
+    # Share of both at full PWM: SAKE's driver libezgripper uses 800 of 1023.
     full_scale: float = dc.field(default=800 / 1023, metadata=positive(le=1.0))
-    # Share of the PWM lost in bridge and brushes. Below it, the motor gives no torque;
-    # above it, the torque at rest grows linearly, to `stall_torque` at a PWM of 1. No
-    # data sheet states it.
+    # Share of the PWM lost in bridge and brushes. Up to it, the motor gives no torque.
+    # Beyond it, the torque at rest grows linearly, to `stall_torque` at a PWM of 1. No
+    # data sheet states a value.
     dead_band: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
-    # Time constant of the servo's own torque control [s]: in this time, the PWM changes
-    # by the torque's error, both as shares of full scale; 0: at once. See
+    # Time constant of the servo's own torque control [s]; 0: no delay. In this time,
+    # the PWM changes by the torque's error, both as shares of full scale. See
     # `TorqueControl`.
     torque_rise: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Inertia at the spool [kg m²]: 200² times the rotor's, which is not published. A
-    # coreless motor of that size (21 mm) has about 2.5e-7 kg m².
+    # Inertia at the spool [kg m²]: 200² times the rotor's inertia, which is not
+    # published. A coreless motor of this size (21 mm) has about 2.5e-7 kg m².
     reflected_inertia: float = dc.field(default=0.01, metadata=positive())
-    # Radius [m]: 29.1 mm of wire in 2500 of the 4096 encoder counts per turn.
+    # Radius of the spool [m]: it winds 29.1 mm of wire in 2500 encoder counts, of 4096
+    # per turn.
     spool_radius: float = dc.field(default=0.0076, metadata=positive())
-    # 0.2 m of braided polyethylene line, 0.8 mm thick, at 10 GPa [N/m]. Its damping [N
-    # s/m] is a tenth of critical for the finger that it pulls (1.2 kg seen from the
-    # wire).
+    # Stiffness [N/m] of 0.2 m of braided polyethylene line, 0.8 mm thick, at 10 GPa.
+    # The damping [N s/m] is a tenth of critical for the finger that it pulls (1.2 kg
+    # seen from the wire).
     wire_stiffness: float = dc.field(default=2.5e4, metadata=positive())
     wire_damping: float = dc.field(default=35.0, metadata={"ge": 0.0})
     friction: DriveFrictionConfig = dc.field(default_factory=DriveFrictionConfig)
-    # SAKE's public MuJoCo model of 2026, "from actual spring specs": stiffness, and
-    # preload from a reference of -2.09 rad, where open is -pi/2 (base) and 0 (tip).
+    # From SAKE's public MuJoCo model of 2026, "from actual spring specs": stiffness,
+    # and preload relative to -2.09 rad, where open is -pi/2 (base) and 0 (tip).
     base_spring: TorsionSpringConfig = dc.field(
         default_factory=lambda: TorsionSpringConfig(preload=0.00308, stiffness=0.00593)
     )
@@ -223,7 +222,8 @@ class TendonDriveConfig(Config):
     def full_wire_force(self) -> float:
         """Force of each wire when both balance the motor, at rest at full PWM [N].
 
-        With friction in the gears, it is the force that the motor reaches by winding.
+        With friction in the gears, it is the force that the motor reaches as it winds
+        the spool.
         """
         return self.wire_force_of(1.0)
 
@@ -284,8 +284,9 @@ class TendonDrive(LeafSystem):
     [N m], are ordered left base, right base, left tip, right tip. `motor_state` (2)
     is [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
     taut with the fingers open. `taut_state` (2) is the state of a spool at rest
-    whose wires are just taut (one of them if the fingers differ). The spool starts
-    a simulation there. `wire_force` (2) [N] is that of the left and the right wire.
+    whose wires are just taut (only one of them if the fingers' positions differ). A
+    simulation starts in this state. `wire_force` (2) [N] holds the forces of the
+    left and the right wire.
 
     The motor is a DC motor, so limiting the PWM limits its torque at rest:
 
@@ -295,17 +296,17 @@ class TendonDrive(LeafSystem):
 
         F = max(0, k x + c x')
 
-    Each joint gets F times its moment arm, less its spring's torque. Nothing here
-    decides which joint of a finger moves first: springs, arms and contact do.
+    Each joint gets F times its moment arm, minus its spring's torque. Springs, arms
+    and contact alone decide which joint of a finger moves first.
 
-    With `dead_band` or `friction` (off by default), the motor loses part of its PWM
-    (see `useful_pwm`), friction of the gears slows or holds the spool, and the
-    joints get less than F while the wire winds in and more while it pays out (see
-    `DriveFrictionConfig`). `wire_force` is still the force at the spool.
+    Two effects are off by default. With `dead_band`, the motor loses part of its
+    PWM (see `useful_pwm`). With `friction`, the gears slow or hold the spool, and
+    the joints get less than F while the wire winds in and more while it pays out
+    (see `DriveFrictionConfig`). `wire_force` is still the force at the spool.
 
     The motor's state is updated every `period` [s] (the plant's step). The update
-    is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
-    is 11 ms.
+    is implicit in the back-EMF, whose time constant J w_0 / tau_stall, 11 ms, is
+    shorter than some steps.
     """
 
     def __init__(self, config: TendonDriveConfig, period: float) -> None:
@@ -316,7 +317,7 @@ class TendonDrive(LeafSystem):
         self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
         # Spool angle and speed, and the friction of each wire, -1 .. 1.
         self.DeclareDiscreteState(4 if config.friction.wire else 2)
-        # Joints and motor both need the wires in a step.
+        # In each step, both the joints and the motor need the wires.
         entry = self.DeclareCacheEntry(
             description="wires",
             value_producer=ValueProducer(
@@ -439,20 +440,20 @@ class MotorTemperatureConfig(Config):
     stall_current: float = dc.field(default=4.1, metadata=positive())
     supply_voltage: float = dc.field(default=12.0, metadata=positive())  # V
     ambient: float = 25.0  # degC
-    # From the motor, windings and housing taken as one, to the air [K/W]: 0.0132 m²
-    # (40 x 61 x 41 mm, data sheet) at 10 W/(m² K), common for free convection with
+    # From the motor (windings and housing as one body) to the air [K/W]: 0.0132 m² (40
+    # x 61 x 41 mm, data sheet) at 10 W/(m² K), common for free convection with
     # radiation. A fifth of the stall torque, the most that ROBOTIS recommends, then
-    # warms it by 15 K.
+    # warms the motor by 15 K.
     thermal_resistance: float = dc.field(default=7.6, metadata=positive())
     # Heat capacity [J/K]: 126 g (data sheet) of metal gears, windings and plastics at
     # 0.9 J/(g K). The time constant, 14 min, agrees with the manual, which asks to wait
     # 20 min after an alarm.
     heat_capacity: float = dc.field(default=113.0, metadata=positive())
-    # Heat of the electronics, at any load [W]. It is off by default: the
-    # manual's standby current of 0.1 A would be 1.2 W.
+    # Heat of the electronics, at any load [W]; off by default. The manual's standby
+    # current of 0.1 A would give 1.2 W.
     idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Time constant with which the windings' heat reaches the housing and its sensor
-    # [s]; 0: at once. Makers of such motors state about 10 s.
+    # [s]; 0: no delay. Makers of such motors state about 10 s.
     winding_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.1, metadata=positive())  # s
 
@@ -463,10 +464,10 @@ class MotorTemperatureConfig(Config):
 
 
 def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
-    """Return the motor's torque over its stall torque; the same holds for its current.
+    """Return the motor's torque over its stall torque, which is also its current ratio.
 
-    The servo's register shows this current. An MX-64 does not measure it, but estimates
-    it (docs/gripper.md).
+    The servo's register shows the current. An MX-64 does not measure but estimates it
+    (docs/gripper.md).
 
     Args:
         drive: The motor.
@@ -490,8 +491,8 @@ class MotorTemperature(LeafSystem):
 
     `pwm` (1) is a fraction of full scale, clipped to -1 .. 1, and `motor_state` (2) is
     [angle; speed] in rad, rad/s. `motor_temperature` (1) [degC] starts at the air's
-    temperature, without heat flow. With the current I that gives the torque and the
-    resistance R of the windings:
+    temperature, without heat flow. With the motor's current I and the resistance R of
+    the windings:
 
         P = P_idle + I² R + I U_0
         t_winding Q' = P - Q

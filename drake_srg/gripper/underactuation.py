@@ -10,8 +10,8 @@ from drake_srg.common.systems import value_or_none
 from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 
-# Order of the SRG's joints and sensors, here and at every port; the plant has another.
-# A finger is a pair of indices (base, tip) into it.
+# Order of the SRG's joints and sensors, here and at every port; the plant's order
+# differs. A finger is a pair of indices (base, tip) into this order.
 JOINT_NAMES = (
     "left_base_joint",
     "right_base_joint",
@@ -30,37 +30,38 @@ class UnderactuationConfig(Config):
 
     # Base plus tip angle at closure 1 [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
-    # Targets of the bases saturate here, those of the tips at the joint's limit [rad].
+    # Limit of the bases' targets [rad]; targets of the tips saturate at the joint's
+    # limit.
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive())
-    # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
-    # zero only up to the stop's compliance [rad].
+    # Tip angle up to which a finger counts as straight [rad]. The thesis tests `tip
+    # angle <= 0`, but a joint's stop is compliant.
     straight_tolerance: float = dc.field(default=0.002, metadata={"ge": 0.0})
     # Behaviour of a base whose sensor fires while the hand closes. `algorithm_1`: it
-    # keeps its target, and so drives on into the object. `freeze`: its target becomes
+    # keeps its target, and so continues into the object. `freeze`: its target becomes
     # the angle at which the sensor fired, or the farthest angle that the base reaches
     # before it stops.
     base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
-    # A frozen base then approaches the object at this speed [rad/s]. Its target stays
-    # within `approach_error` [rad] of the measured angle, which limits the force as
-    # `planner.squeeze` does. At speed 0, the base stays.
+    # Speed at which a frozen base then approaches the object [rad/s]; 0: it stays. Its
+    # target stays within `approach_error` [rad] of the measured angle, which limits the
+    # force as `planner.squeeze` does.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # Behaviour of a tip whose sensor fires while its base's does not.
-    # `algorithm_1`: it keeps its target. Around something wide and low, straight
-    # fingers lean outwards, and their pads push it down and out of the hand.
-    # `curl`: if both tips sense something while the bases lean outwards
-    # (`curl_lean`), the tips close, and the bases give way until the pads are
-    # upright. That takes a motor at each joint. A wire pulls the base 2.9 times
-    # as hard as the tip (`base_moment_arm`), but a force on the middle of the pad turns
-    # it only 2.5 times as hard. So a tip with a wire stays straight there.
+    # Behaviour of a tip whose sensor fires while its base's does not. `algorithm_1`: it
+    # keeps its target. Around something wide and low, straight fingers lean outwards,
+    # and their pads push the object down and out of the hand. `curl`: if both tips
+    # sense something while the bases lean outwards (`curl_lean`), the tips close, and
+    # the bases give way until the pads are upright. This needs a motor at each joint. A
+    # wire turns the base 2.9 times as hard as the tip (`base_moment_arm`), but a force
+    # on the middle of the pad turns the base only 2.5 times as hard as the tip. So with
+    # a wire, the tip stays straight.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
-    # Tips curl while the bases lean outwards by more than this on average [rad], as
-    # they do around things wider than 75 mm. Friction holds narrower things, and a
-    # curling tip would push them aside.
+    # Mean outward lean of the bases above which tips curl [rad]. The default is reached
+    # around things wider than 75 mm. Friction holds narrower things, and a curling tip
+    # would push them aside.
     curl_lean: float = dc.field(default=0.15, metadata={"ge": 0.0})
     # When the algorithm runs. `periodic`: every `period`. `per_message`: only in
-    # periods in which a message has arrived, even an equal one. In the thesis, it runs
-    # in the callback of /grasp.
+    # periods in which a message has arrived, even one that repeats the last, because
+    # the thesis runs it in the callback of /grasp.
     evaluate: str = dc.field(default="periodic", metadata={"among": EVALUATIONS})
     # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
@@ -84,8 +85,8 @@ def finger_targets(
         fired: Whether the sensors of base and tip fire.
         last: Base and tip targets of the last evaluation [rad].
         straight_tolerance: Tip angle up to which the finger counts as straight [rad].
-        curl: Whether a tip that senses something closes although its base senses
-            nothing; not in the thesis.
+        curl: Whether a tip that senses something closes even if its base senses
+            nothing. This is not in the thesis.
 
     Returns:
         The new base and tip targets [rad].
@@ -127,10 +128,9 @@ class UnderactuationLogic(LeafSystem):
     * `triggered` (4): nonzero where a sensor fires;
     * `joint_position_commanded` (4) [rad]: finite entries override the algorithm;
     * `hold` (1): while nonzero, a finger that touches something keeps its targets, and
-      so its grip. A finger that does not keeps the angles that it had when the hold
-      began;
+      so its grip. Other fingers keep the angles that they had when the hold began;
     * `closure_messages` (1): number of messages so far that commanded a closure. The
-      algorithm runs only when it has changed.
+      algorithm runs only when this number has changed.
 
     The output `position_desired` (4) [rad] is updated every `config.period`. When a
     simulation starts, it is the fingers' position. Joints and sensors are in the order
@@ -167,7 +167,7 @@ class UnderactuationLogic(LeafSystem):
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
         q = self._measured.Eval(context).tolist()[:4]
-        closure = 0.5 * sum(q) / self.config.full_scale  # of an empty hand there
+        closure = 0.5 * sum(q) / self.config.full_scale  # of an empty hand
         discrete_state.set_value(self._desired, q)
         discrete_state.set_value(
             self._memory, [*q, min(max(closure, 0.0), 1.0), *[0.0] * 5]
@@ -215,7 +215,7 @@ class UnderactuationLogic(LeafSystem):
         discrete_state.set_value(self._memory, [*targets, *flags])
 
     def _num_messages(self, context: Context) -> float | None:
-        """Return the number of messages; None if it does not matter."""
+        """Return the number of messages; None if the algorithm is periodic."""
         if self.config.evaluate != "per_message":
             return None
         messages = value_or_none(self._messages, context)
@@ -234,13 +234,13 @@ class UnderactuationLogic(LeafSystem):
         fired: list[bool],
         fired_before: list[bool],
     ) -> list[float]:
-        """Return the last targets, with those of frozen bases.
+        """Return the last targets, with new targets of frozen bases.
 
         Args:
             targets: Targets of the last evaluation [rad].
             q: Measured angles [rad].
-            fired: Whether the sensors fire.
-            fired_before: Whether those of the bases fired at the last evaluation.
+            fired: Whether each sensor fires.
+            fired_before: Whether each base's sensor fired at the last evaluation.
         """
         config, result = self.config, targets.copy()
         for base, _ in FINGERS:
@@ -249,8 +249,8 @@ class UnderactuationLogic(LeafSystem):
             if not fired_before[base]:
                 result[base] = q[base]
                 continue
-            # While a base comes to rest, its target follows it. Otherwise, it might
-            # return to where its sensor stops firing.
+            # While a base comes to rest, its target follows it. Otherwise, the base
+            # might return so far that its sensor stops firing.
             advanced = targets[base] + config.approach_speed * config.period
             approaching = min(advanced, q[base] + config.approach_error)
             result[base] = max(targets[base], q[base], approaching)
@@ -266,7 +266,7 @@ class UnderactuationLogic(LeafSystem):
     ) -> list[float]:
         config, result = self.config, targets.copy()
         lean = 0.5 * math.pi - sum(q[base] for base, _ in FINGERS) / len(FINGERS)
-        # One tip alone may have brushed something in passing, or reached the object
+        # A single tip may only have brushed something in passing, or reached the object
         # first.
         both = all(fired[tip] for _, tip in FINGERS)
         curl = config.tip == "curl" and lean > config.curl_lean and both

@@ -31,13 +31,13 @@ class SoftConfig(Config):
 
     The defaults describe a dry kitchen sponge of flexible polyurethane foam, 30 kg/m³,
     by the formulas for open cells in Gibson and Ashby, Cellular Solids, 2nd ed., ch. 5:
-    a modulus of (30 / 1200)² of the solid's 45 MPa, and a Poisson's ratio of a third.
+    (30 / 1200)² times the solid's modulus of 45 MPa, and a Poisson's ratio of a third.
     """
 
     youngs_modulus: float = dc.field(default=28.0e3, metadata=positive())  # Pa
     # Linear tetrahedra lock as this approaches 0.5.
     poissons_ratio: float = dc.field(default=0.33, metadata={"ge": 0.0, "le": 0.45})
-    # Viscosity over stiffness [s]: loss factor over angular frequency.
+    # Viscosity over stiffness [s], which is the loss factor over the angular frequency.
     damping: float = dc.field(default=0.01, metadata={"ge": 0.0})
 
 
@@ -61,10 +61,10 @@ class ObjectConfig(Config):
     # File of a model with one link: SDF, URDF, OBJ, STL or GLB, as a path (relative to
     # the scenario's file) or URL (package://drake_srg/sdf/mug.sdf); exclusive with
     # `shape`. If the link has exactly one collision geometry, a cylinder, box or sphere
-    # around its origin, the localizer and the planner know that shape. They know the
-    # convex pieces of another object only if `color_range` is given. The origin of such
-    # an object is underneath it, on the table. Meshes are cut into convex pieces once
-    # and kept in a cache; see docs/importing.md.
+    # around its origin, the localizer and the planner know that shape. Of any other
+    # model, they know the convex pieces if `color_range` is given, and its origin must
+    # be at its underside. Meshes are cut into convex pieces once and kept in a cache;
+    # see docs/importing.md.
     model: str | None = None
     # Metres per unit of a mesh as `model`: 0.001 for one in millimetres.
     scale: float = dc.field(default=1.0, metadata=positive())
@@ -72,7 +72,7 @@ class ObjectConfig(Config):
     pieces: int = dc.field(default=32, metadata={"ge": 1, "le": 256})
     shape: Cylinder | Box | Sphere | None = None
     # Shape that localizer and planner assume for a `model` of several pieces. The
-    # model's origin must be its middle.
+    # model's origin must be at the shape's centre.
     proxy: Cylinder | Box | Sphere | None = None
     # Makes a `shape`, which must be a box, deformable. A script can pick it, the
     # planner cannot. Needs the contact approximation `sap` and steps of up to 5 ms.
@@ -83,14 +83,14 @@ class ObjectConfig(Config):
     friction: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Edge length of the facets that represent round geometry in contact [m]. Null keeps
     # the model's, or means 0.3 times a shape's radius. For a soft object: longest edge
-    # of the cells that are cut into elements; null means a quarter of its least extent.
+    # of the cells that are cut into elements; null: a quarter of its shortest side.
     resolution: float | None = dc.field(default=None, metadata=positive())
     # Hydroelastic modulus [Pa]. Null keeps the model's, or means 50 MPa for a shape. If
     # contact is too stiff for the time step, a light object rattles on its support.
     modulus: float | None = dc.field(default=None, metadata=positive())
     # Hunt-Crossley dissipation [s/m]. Null keeps the model's, or means 5 s/m for a
     # shape. An object rebounds at 1 / dissipation at most [m/s]. On a rigid support,
-    # the object's alone counts.
+    # only the object's dissipation counts.
     dissipation: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Red, green, blue 0 .. 1: colour of a `shape`, and the one that the localizer looks
     # for.
@@ -103,16 +103,17 @@ class ObjectConfig(Config):
     # [x, y] of the centre on the table in world [m]; null draws it in `task.region`.
     position: list[float] | None = dc.field(default=None, metadata={"length": 2})
     yaw: float = 0.0  # rad, about the vertical
-    # Roll and pitch before that [rad]; nonzero values need `drop`.
+    # Roll and pitch, applied before `yaw` [rad]; nonzero values need `drop`.
     tilt: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
-    # Null: the object stands on the table. Otherwise, it falls from this far above the
-    # table, or above any earlier falling object whose box would overlap its own [m].
+    # Null: the object stands on the table. Otherwise, it falls from this height above
+    # the table, or above an earlier falling object if their bounding boxes would
+    # overlap [m].
     drop: float | None = dc.field(default=None, metadata={"ge": 0.0})
-    # Initial pose, which replaces `position` and `yaw`, for an object that lies, is on
-    # something or is in the hand. In world, or in the frame `base_frame` of a model in
-    # `directives`.
+    # Initial pose, in place of `position` and `yaw`, for an object that lies on its
+    # side, is on something or is in the hand. In world, or in the frame `base_frame` of
+    # a model in `directives`.
     pose: Transform | None = None
     present: bool = True  # false leaves the object out
     covered: bool = False  # true puts a lid over it that hides it from the cameras
@@ -120,8 +121,8 @@ class ObjectConfig(Config):
     occlusion: OcclusionConfig | None = None
     # False: localizer and planner do not know the object and treat it as an obstacle.
     known: bool = True
-    # Size that localizer and planner assume, over the true one, because specimens of a
-    # product vary.
+    # Size that localizer and planner assume, divided by the true size, because
+    # specimens of a product vary.
     known_scale: float = dc.field(default=1.0, metadata=positive())
 
     @property
@@ -136,8 +137,8 @@ class ObjectConfig(Config):
 class ClutterConfig(Config):
     """Additional objects named `clutter_1` and so on, each of a randomly drawn kind.
 
-    By default, they stand in `task.region` and are not `known`; their kind may change
-    that.
+    By default, they stand in `task.region` and are not `known`; `kinds` may change
+    this.
     """
 
     count: int = dc.field(default=0, metadata={"ge": 0})
@@ -152,9 +153,9 @@ class SleepingConfig(Config):
     after: float = dc.field(default=0.5, metadata=positive())
     # An object is at rest if every point of it is at most this fast [m/s].
     speed: float = dc.field(default=5.0e-4, metadata=positive())
-    # A sleeping object wakes when something awake comes this near [m]. Within the
-    # default `period`, 5 mm allow for an acceleration of 100 m/s², ten times that of a
-    # fall.
+    # A sleeping object wakes when something awake comes this near [m]. With the default
+    # `period`, 5 mm are enough for accelerations of up to 100 m/s², ten times that of
+    # gravity.
     margin: float = dc.field(default=0.005, metadata=positive())
     # Time between checks [s].
     period: float = dc.field(default=0.01, metadata=positive())

@@ -39,9 +39,9 @@ class Disturbance(Config):
             "among": tuple(m.value for m in Mode if m not in (Mode.DONE, Mode.FAILED))
         },
     )
-    # Delay from the mode's beginning [s]. By then, the mode may have changed.
+    # Delay from the mode's beginning [s]; the mode may end before.
     after: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Largest number of times that it happens, each time at the mode's beginning.
+    # Largest number of repetitions, one for each beginning of the mode.
     times: int = dc.field(default=1, metadata={"ge": 1})
     object: str | None = None  # null: the picked one
 
@@ -90,13 +90,13 @@ _GRAVITY = 9.81  # m/s²
 # Height by which a pushing hand lifts the object [m]. Sliding would depend on friction,
 # and with steps above 2 ms, a stiff object rattles as it slides on a table.
 _PUSH_LIFT = 0.002
-# Natural frequency of the spring between hand and object [rad/s]. It is a third of the
-# stable limit at steps of 10 ms, and fast compared to a push of 0.3 s.
+# Natural frequency of the spring between hand and object [rad/s]: a third of the
+# stability limit with steps of 10 ms, and fast compared to a push of 0.3 s.
 _PUSH_FREQUENCY = 25.0
 # Time for which the hand stays at the end of its path [s]: four time constants.
 _PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
-# Largest force of a pushing hand, over the object's weight. Carrying takes 1, and
-# accelerating adds less than 1. So held or blocked objects stay.
+# Largest force of a pushing hand, over the object's weight. To carry the object takes
+# 1, and to accelerate it less than 1 more. So objects that are held or blocked stay.
 _LARGEST_PUSH = 3.0
 # A toppling force grows by one weight in this time [s]. That is slow compared to the
 # 0.1 s in which objects of a hand's size fall, so the object is tipped, not hit.
@@ -120,9 +120,9 @@ class Course:
     """Progress of a disturbance."""
 
     count: int = 0  # how often it has been triggered
-    begin: float = np.inf  # when it last began or will begin [s]; inf: it waits
-    # For a push: the object's pose at the beginning, and its latest distance from the
-    # path, rotation [rad] before translation [m], shape (6,).
+    begin: float = np.inf  # when it last began or will begin [s]; inf: not triggered
+    # For a push: the object's pose at the beginning, and its last error from the path,
+    # rotation [rad] before translation [m], shape (6,).
     X_WO_begin: RigidTransform | None = None
     error: Vector = dc.field(default_factory=lambda: np.zeros(6))
 
@@ -140,18 +140,19 @@ def disturb(
     course: Course,
     period: float,
 ) -> tuple[Course, Wrench | None]:
-    """Return the present force of a disturbance that is under way.
+    """Return the present force of a disturbance that has begun.
 
     Args:
         disturbance: The disturbance.
         target: The object that is disturbed.
         t: Time since the beginning [s].
         X_WO: The object's pose now.
-        course: The disturbance's course at the last update.
+        course: The disturbance's progress at the last update.
         period: Time between updates [s].
 
     Returns:
-        The course now, and the wrench; None once the disturbance is over.
+        The progress now, and the wrench; None instead of a wrench once the disturbance
+        is over.
     """
     wrench: Wrench | None = None
     match disturbance:
@@ -178,7 +179,7 @@ def _topple(
     push_O[2] = 0.0
     half_width = target.shape.half_extent(push_O / max(np.linalg.norm(push_O), 1e-9))
     half_height = 0.5 * target.shape.height
-    # Once its centre is beyond the edge about which it turns, it falls by itself.
+    # The object falls by itself once its centre is beyond the edge about which it tips.
     tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
     if tilt > math.atan2(half_width, half_height) or t > _TOPPLE_PATIENCE:
         return None

@@ -1,4 +1,4 @@
-"""The household objects among our models, and pictures of them."""
+"""Our models of household objects, and pictures of objects."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from drake_srg.objects.models import AddObject, object_body
 from drake_srg.objects.solids import hull_points
 from drake_srg.types import Vector
 
-# Numbers are those of the YCB object set. The generators (tools/models/props.py,
-# household.py, packages.py and tableware.py) mark which numbers come from there and
-# which are ours.
+# The numbers in names are those of the YCB object set. The generators
+# (tools/models/props.py, household.py, packages.py and tableware.py) mark which
+# dimensions come from that set and which are ours.
 HOUSEHOLD = (
     "003_cracker_box",
     "004_sugar_box",
@@ -68,9 +68,9 @@ class ObjectFacts:
     Attributes:
         low: Least coordinates of its collision geometry in its frame, shape (3,) [m].
         high: Greatest coordinates, shape (3,) [m].
-        points: Points whose convex hull holds all of it, shape (n, 3) [m].
+        points: Points whose convex hull encloses the geometry, shape (n, 3) [m].
         mass: [kg].
-        pieces: Number of its collision geometries.
+        pieces: Number of collision geometries.
     """
 
     low: Vector
@@ -115,7 +115,7 @@ def take_portrait(name: str, config: ObjectConfig, size: int = 320) -> Image:
 
     Args:
         name: The object's name, for error messages.
-        config: The object, not soft; its origin and axes are the world's.
+        config: The object, not soft; it is placed at the world's origin.
         size: Width and height [pixels].
 
     Raises:
@@ -162,13 +162,13 @@ def photograph(
     clipping: ClippingRange,
     size: int,
 ) -> Image:
-    """Return an image of a scene with `AddStudio`, RGB, shape (size, size, 3).
+    """Return an image from the renderer of `AddStudio`, RGB, shape (size, size, 3).
 
     Args:
         scene_graph: The scene.
         context: The root diagram's.
         X_WC: Pose of the camera, whose field of view is `FIELD_OF_VIEW`.
-        clipping: Its nearest and farthest distance.
+        clipping: Nearest and farthest visible distance.
         size: Width and height [pixels].
     """
     info = CameraInfo(size, size, FIELD_OF_VIEW)
@@ -183,7 +183,7 @@ def photograph(
 
 
 def contact_sheet(pictures: Mapping[str, Image]) -> Image:
-    """Return RGB pictures of one size with their names below, in rows of five."""
+    """Return a sheet of RGB pictures of equal size, named, in rows of five."""
     tiles, across = [], 5
     for name, picture in pictures.items():
         strip = np.full((24, picture.shape[1], 3), 255, np.uint8)

@@ -1,7 +1,4 @@
-"""Movable objects in a plant: their models, shapes and properties.
-
-Building a plant takes a hundred times as long.
-"""
+"""Movable objects in a plant: their models, shapes and properties."""
 
 from __future__ import annotations
 
@@ -40,8 +37,8 @@ from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
-# Drake (1.51.1) cuts a cylinder along its medial axis. If length and diameter differ by
-# less than this [m], it fails on the slivers. Equal lengths are fine.
+# Drake (1.51.1) cuts a cylinder along its medial axis, and fails on slivers if length
+# and diameter differ by less than this [m]. If they are equal, it succeeds.
 _NEARLY_AS_LONG = 1e-4
 
 
@@ -82,7 +79,7 @@ def known_shape(name: str, config: ObjectConfig) -> Shape | None:
 
 
 def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the simple shape of an object, its proxy, or None.
+    """Return an object's shape or proxy, or the simple geometry of its model, or None.
 
     Raises:
         ScenarioError: If the model cannot be read.
@@ -131,7 +128,7 @@ def X_FO_start(
         table_height: Height of the table in world [m].
 
     Returns:
-        The pose in F, which is world or the `base_frame` of the object's `pose`.
+        X_FO; F is world or the `base_frame` of the object's `pose`.
 
     Raises:
         ValueError: If the position has not been drawn.
@@ -152,7 +149,7 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    If given, mass, friction, resolution, modulus and dissipation replace the model's.
+    Mass, friction, resolution, modulus and dissipation replace the model's, if given.
     Inertia scales with mass.
 
     Raises:
@@ -194,7 +191,7 @@ def AddObject(
 def SetDefaultObjectPose(
     plant: MultibodyPlant, model: ModelInstanceIndex, X_WO: RigidTransform
 ) -> None:
-    """Set the initial pose of an object of `AddObject`, before `Finalize`."""
+    """Set the initial pose of an object from `AddObject`, before `Finalize`."""
     body = object_body(plant, model)
     if isinstance(body, BodyIndex):
         plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
@@ -218,7 +215,7 @@ def _AddShape(
     """Add an object that is one solid shape of uniform density.
 
     Raises:
-        ValueError: If mass or friction is missing.
+        ScenarioError: If mass or friction is missing.
     """
     if config.shape is None or config.mass is None or config.friction is None:
         raise ScenarioError(f"objects.{name}: a shape needs mass and friction")
@@ -291,7 +288,8 @@ def SetObject(
 ) -> None:
     """Give an object the shape, mass and friction of another configuration.
 
-    An object with a `shape` takes all three, one from a `model` only mass and friction.
+    An object from a `model` keeps its shape. This takes a hundredth of the time of
+    building another plant.
 
     Args:
         plant: Plant with the object, finalized.
@@ -324,7 +322,7 @@ def SetObject(
         body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
     inspector = scene_graph.model_inspector()
     for geometry in plant.GetCollisionGeometriesForBody(body):
-        # The model's own friction may have been replaced already.
+        # The inspector has the model's properties, whatever the context has now.
         properties = ProximityProperties(inspector.GetProximityProperties(geometry))
         if config.friction is not None:
             friction = CoulombFriction(config.friction, config.friction)

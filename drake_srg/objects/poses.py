@@ -30,9 +30,10 @@ class ObjectPoses(LeafSystem):
         output_ports:
         - object_poses
 
-    The inputs are the plant's (list[RigidTransform], GeometryConfigurationVector).
-    `object_poses` is a dict[str, RigidTransform], X_WO by object name [m]. The pose of
-    a soft object is the rigid motion nearest to that of its vertices.
+    The inputs are outputs of the plant (list[RigidTransform],
+    GeometryConfigurationVector). `object_poses` is a dict[str, RigidTransform], X_WO by
+    object name [m]. The pose of a soft object is the rigid motion nearest to the motion
+    of its vertices.
 
     Args:
         bodies: The body of each object, rigid (its index) or soft.
@@ -105,14 +106,14 @@ class ContactReader:
                 self._keys[deformables.GetGeometryId(body_id).get_value()] = key
 
     def forces(self, contacts: ContactResults) -> dict[str, float]:
-        """Return the largest contact force with each kind of body [N].
+        """Return the largest contact force between the object and each other body [N].
 
         Args:
             contacts: Value of the plant's output port `contact_results`.
 
         Returns:
-            Forces by the names of grippers, arms and other objects, and `support` for
-            everything else. Only bodies that touch the object appear.
+            Forces by name of gripper, arm or other object, and under `support` that
+            with anything else. Only bodies that touch the object appear.
         """
         forces: dict[str, float] = {}
         for contact in each_contact(contacts):
@@ -138,14 +139,15 @@ class PeakForce(LeafSystem):
         output_ports:
         - peak_force
 
-    The input is the plant's. `peak_force` is the greatest force so far, shape (1,) [N]:
-    the resultant of all contacts at one time, as a force sensor under one of the models
-    would measure it. Every step of a discrete plant counts.
+    The input is the plant's output. `peak_force` is the greatest force so far, shape
+    (1,) [N]. A force is the resultant of all contacts at one time, as a force sensor
+    under one of the models would measure it.
 
     Args:
         plant: The finalized plant.
         names: Two model instances.
-        period: Time between two readings, the plant's step [s].
+        period: Time between readings [s]. With a discrete plant's time step, no step is
+            missed.
 
     Raises:
         RuntimeError: If the plant has no such model.

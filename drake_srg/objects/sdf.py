@@ -50,7 +50,7 @@ def _significant(x: float) -> str:
 def AddPose(
     parent: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0, 0, 0)
 ) -> ET.Element:
-    """Append a pose unless it is the identity."""
+    """Append a pose unless it is the identity; return the pose's element."""
     pose = AddChild(parent, "pose", [*xyz, *rpy])
     if not np.any(np.abs([*xyz, *rpy]) > 0):
         parent.remove(pose)
@@ -115,12 +115,12 @@ def SetColor(root: ET.Element, color: Sequence[float]) -> None:
 
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m]. The modulus is much
-# higher than that of the fingers' rubber (2 MPa), so the pads deform, as they do on
-# hard household objects.
+# higher than that of the fingers' rubber (2 MPa), so mainly the pads deform, as on real
+# hard objects.
 MODULUS = 5.0e7
 DISSIPATION = 5.0
-# Edge length of the facets of round shapes, over the radius. It gives a circle 22 sides
-# and an error within 1 % of the radius, as in the soup can's model.
+# Edge length of the facets of round shapes, over the radius: a circle gets 22 sides,
+# with an error below 1 % of the radius, as in the soup can's model.
 _RESOLUTION = 0.3
 FRICTION = 0.6  # of imported objects: dry cardboard, plastic or wood
 
@@ -161,11 +161,11 @@ def contact_properties(
 
 
 def ode_friction(collision: ET.Element, path: Path) -> tuple[float, float] | None:
-    """Return the friction that an SDF gives the surface of a collision.
+    """Return the friction coefficients in an SDF collision's `surface` element.
 
     Returns:
-        Static and dynamic coefficient, which Drake reads from `mu` and `mu2`; None
-        without them.
+        Static and dynamic coefficient, from `mu` and `mu2` as in Drake; None if they
+        are missing.
 
     Raises:
         ScenarioError: If they are not valid coefficients.
@@ -196,8 +196,9 @@ def AddContact(
     Args:
         collision: The element.
         resolution: Edge length of facets [m]; None for meshes, which have their own.
-        friction: Static and dynamic coefficient; None: those of `own`, or ours.
-        own: Properties of the file, used unchanged; None: those of a `shape`.
+        friction: Static and dynamic coefficient, unless `own` has them; None: ours.
+        own: Contact properties from the file, kept as they are; None for those of an
+            object with a `shape`.
     """
     static, dynamic = friction or (FRICTION, FRICTION)
     node = AddChild(collision, PROXIMITY) if own is None else copy.deepcopy(own)

@@ -12,8 +12,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_srg.common.systems import AddVelocityFeedforward
 from drake_srg.config import Config, positive
 
-# Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s like the
-# arm's, critically damped.
+# Natural frequency of the critically damped controller, like the arm's [rad/s].
 _FREQUENCY = 40.0
 
 
@@ -23,10 +22,10 @@ class SlideConfig(Config):
 
     # Speed along the joint's axis [m/s] or about it [rad/s].
     speed: float = 0.05
-    # Start of the motion [s], and duration of its acceleration and of its stop [s].
+    # Start of the motion [s], and duration of the acceleration and of the stop [s].
     start: float = dc.field(default=0.0, metadata={"ge": 0.0})
     ramp: float = dc.field(default=0.25, metadata=positive())
-    # Travel before it stops, in either direction [m or rad].
+    # Travel from start to stop, in either direction [m or rad].
     travel: float = dc.field(default=0.4, metadata=positive())
 
 
@@ -39,7 +38,7 @@ def SetSlideGains(plant: MultibodyPlant, name: str) -> None:
     if not plant.HasModelInstanceNamed(name):
         raise ValueError(f"slides.{name}: no model of that name among the directives")
     actuator = _actuator(plant, name)
-    inertia = actuator.joint().child_body().default_mass()
+    inertia = _inertia(actuator.joint())
     kp, kd = inertia * _FREQUENCY**2, 2.0 * inertia * _FREQUENCY
     actuator.set_controller_gains(PdControllerGains(p=kp, d=kd))
 
@@ -86,19 +85,19 @@ def slide_motion(config: SlideConfig, q_start: float) -> PiecewisePolynomial:
     # Each ramp takes `ramp`, and both together cover speed * ramp.
     ramp = min(config.ramp, config.travel / speed)
     even = config.travel / speed - ramp
-    way = np.cumsum([0.0, 0.0, 0.5 * speed * ramp, speed * even, 0.5 * speed * ramp])
+    path = np.cumsum([0.0, 0.0, 0.5 * speed * ramp, speed * even, 0.5 * speed * ramp])
     times = np.cumsum([0.0, max(config.start, 1e-3), ramp, max(even, 1e-6), ramp])
     velocities = np.array([0.0, 0.0, speed, speed, 0.0])
     sign = np.sign(config.speed)
     return PiecewisePolynomial.CubicHermite(
-        times, (q_start + sign * way)[np.newaxis], (sign * velocities)[np.newaxis]
+        times, (q_start + sign * path)[np.newaxis], (sign * velocities)[np.newaxis]
     )
 
 
 def _actuator(plant: MultibodyPlant, name: str) -> JointActuator:
     model = plant.GetModelInstanceByName(name)
-    every = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    found = [actuator for actuator in every if actuator.model_instance() == model]
+    actuators = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    found = [actuator for actuator in actuators if actuator.model_instance() == model]
     if len(found) != 1:
         raise ValueError(
             f"slides.{name}: needs exactly one actuated joint, got {len(found)}"

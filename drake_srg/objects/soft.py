@@ -50,17 +50,17 @@ def box_mesh(
 ) -> tuple[Vector, npt.NDArray[np.int64]]:
     """Fill a box around the origin with tetrahedra.
 
-    The box is cut into cells. Each cell is cut into twelve tetrahedra, from its middle
-    to the two halves of each face. So every tetrahedron has a vertex inside the box,
-    which Drake needs to compute how deeply something penetrates a deformable body.
+    The box is cut into cells, and each cell into twelve tetrahedra, from its centre to
+    the two halves of each face. So every tetrahedron has a vertex inside the box. Drake
+    needs this to compute how deeply something penetrates a deformable body.
 
     Args:
         size: Extents along x, y, z [m].
         resolution: Longest edge of the cells [m].
 
     Returns:
-        Vertices, shape (n, 3) [m], and the indices of the four vertices of each
-        tetrahedron, shape (m, 4), ordered so that its volume is positive.
+        Vertices, shape (n, 3) [m], and the four vertices' indices of each tetrahedron,
+        shape (m, 4), ordered so that its volume is positive.
     """
     size = np.asarray(size, dtype=float)
     counts = np.maximum(np.ceil(size / resolution - 1e-9), 1).astype(int)
@@ -69,14 +69,14 @@ def box_mesh(
     )
     vertices = np.vstack([corners, cells + 0.5]) / counts * size - 0.5 * size
     tetrahedra = []
-    for middle, cell in enumerate(cells, len(corners)):
+    for center, cell in enumerate(cells, len(corners)):
         for face in _FACES + cell:
-            # The cut joins two even corners, so that neighbours cut a face in the same
-            # way.
+            # The diagonal joins corners whose indices have an even sum, so both cells
+            # cut their common face in the same way.
             a, b, c, d = np.roll(face, -(face[0].sum() % 2), axis=0)
             for triangle in ((a, b, c), (a, c, d)):
                 numbers = np.ravel_multi_index(np.transpose(triangle), counts + 1)
-                tetrahedra.append([middle, *numbers])
+                tetrahedra.append([center, *numbers])
     return vertices, np.array(tetrahedra)
 
 
@@ -95,7 +95,7 @@ def vtk_text(vertices: Vector, tetrahedra: npt.NDArray[np.int64]) -> str:
     )
 
 
-# Measured: a hand that holds a soft cube with steps of 5 ms loses it with 10 ms. With
+# In tests, a hand held a soft cube with steps of 5 ms, and lost it with 10 ms. With
 # `lagged`, an untouched sponge jumps around on its table, and Drake reports no error.
 _LARGEST_STEP = 0.005  # s
 _APPROXIMATION = DiscreteContactApproximation.kSap
@@ -139,8 +139,8 @@ def AddSoftObject(
     proximity = ProximityProperties()
     friction = CoulombFriction(config.friction, config.friction)
     AddContactMaterial(properties=proximity, friction=friction)
-    # Drake's default for the sum of two surfaces [s]. This contact is nearly rigid:
-    # with half of that, a box bounces off a sponge.
+    # The sum of Drake's defaults for two surfaces [s], because the other may have 0.
+    # This contact is nearly rigid: with half of the sum, a box bounces off a sponge.
     proximity.AddProperty("material", "relaxation_time", 0.2)
     geometry.set_proximity_properties(proximity)
     illustration, perception = IllustrationProperties(), PerceptionProperties()
@@ -149,7 +149,7 @@ def AddSoftObject(
     geometry.set_illustration_properties(illustration)
     geometry.set_perception_properties(perception)
     model = plant.AddModelInstance(name)
-    # The resolution hint only matters for shapes that Drake meshes itself.
+    # The resolution hint matters only for shapes that Drake meshes itself.
     plant.mutable_deformable_model().RegisterDeformableBody(
         geometry, model, body, resolution_hint=1.0
     )

@@ -1,4 +1,4 @@
-"""Solids that represent objects: extents, and shapes for localizer and planner."""
+"""Objects' extents, and the solids that localizer and planner assume for them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from drake_srg.objects.models import AddObject, known_shape
 from drake_srg.types import Vector
 
 _FAR = 1e3  # half the size of a half space [m]
-# Sides of the prism that replaces a cylinder, within 0.5 % of the radius.
+# Sides of the prism that replaces a cylinder: an error of at most 0.5 % of the radius.
 _SIDES = 32
 _SIGNS = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
 
@@ -34,7 +34,7 @@ def hull_points(
 ) -> list[Vector]:
     """Return points whose convex hulls are a body's collision geometries.
 
-    The hulls are exact, except for round shapes, whose points lie on the surface.
+    The hulls are exact, except those of round shapes: their points lie on the surface.
 
     Returns:
         Positions in the body's frame, shape (n, 3) [m], for each geometry.
@@ -88,7 +88,9 @@ def _points(shape: Shape) -> Vector:
             poles = [[0.0, 0.0, -r], [0.0, 0.0, r]]
             rings = _rings([(r * np.cos(a), r * np.sin(a)) for a in angles])
             return np.concatenate([poles, rings])
-    raise ValueError(f"the corners of a {type(shape).__name__} are not known")
+    raise ValueError(
+        f"geometry must be a mesh, box, cylinder or sphere, got {type(shape).__name__}"
+    )
 
 
 def _rings(circles: list[tuple[float, float]]) -> Vector:
@@ -127,7 +129,8 @@ def planned_solid(name: str, config: ObjectConfig) -> Solid | None:
     """Return the geometry that the planner assumes for an object, about its frame.
 
     Returns:
-        The solid of the localizer; None if it has none, or if the object is soft.
+        The localizer's solid; None if the localizer does not know the object, or if it
+        is soft.
 
     Raises:
         ScenarioError: If the model cannot be read, or a piece has no volume.

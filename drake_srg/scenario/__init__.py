@@ -1,4 +1,4 @@
-"""Scenarios: the schema of scenario files, and how to load one."""
+"""Scenarios: the schema, loader and checks of scenario files."""
 
 from drake_srg.face import face
 

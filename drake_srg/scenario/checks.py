@@ -1,4 +1,4 @@
-"""Checks of a scenario, and the task that `task.pick` describes."""
+"""Checks of a scenario, and the expansion of its `task.pick`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _ALLOWED = "all, a list of names, {colour: COLOUR}"
 def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     """Return a scenario's tree with explicit bins and selections.
 
-    `task.pick` with `task.place.bin` becomes an entry of `task.place.bins`, and the
-    names of the objects for the bins or the row become `task.clear.objects`.
+    `task.pick` with `task.place.bin` becomes an entry of `task.place.bins`.
+    `task.clear.objects` gets the names of all objects for the bins or the row.
 
     Args:
         tree: Tree of the whole scenario, with its clutter; not changed.
@@ -74,7 +74,7 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
 def _bins(
     pick: Any, place: Mapping[str, Any], objects: Mapping[str, Any], origin: str
 ) -> Any:
-    """Return the objects of each place: trees of SelectionConfigs by place."""
+    """Return the selection of each bin or of the row, as trees of SelectionConfig."""
     into, bins = place.get("bin"), place.get("bins")
     if into and not isinstance(into, str):
         fail(origin, "task.place.bin", f"must be text, got {_shown(into)}")
@@ -95,7 +95,7 @@ def _bins(
 
 
 def _without_bin(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
-    """Return the tree of a scenario that places one object, which a list may name."""
+    """Return the tree of a scenario without bins, with its one object as text."""
     task, pick = tree["task"], tree["task"].get("pick")
     if pick == _ALL and _ALL not in tree["objects"]:
         fail(origin, "task.place.bin", "must name the bin where `all` are picked")
@@ -147,7 +147,7 @@ def _shown(given: Any) -> str:
 
 
 def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the key and the description of each problem of clearing the table."""
+    """Yield the key and the description of each problem with clearing the table."""
     clear, table = scenario.task.clear, scenario.table
     if clear is None:
         if scenario.task.place.cameras:
@@ -176,7 +176,7 @@ def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     moving = {*(a.arm_model for a in arms), *(a.gripper_model for a in arms)}
     models = [name for name in added if name not in moving]
     place = scenario.task.place
-    taken: dict[str, str] = {}  # what has a bin already: the bin
+    taken: dict[str, str] = {}  # bin by name or colour
     for name, selection in place.bins.items():
         key = "task.place.bin" if place.bin else f"task.place.bins.{name}"
         if name not in models:
@@ -194,12 +194,12 @@ def _bin_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 # Kinds of model directives, by the key of an entry.
 _DIRECTIVES = sorted(k for k in dir(ModelDirective()) if k.startswith("add_"))
-# Drake's name of the only integrator that takes stiff contact and PD actuators.
+# Drake's name of the only integrator that supports stiff contact and PD actuators.
 _CENIC = "cenic"
 
 
 def check_scenario(scenario: Scenario, origin: str) -> None:
-    """Check fields against each other, and numbers that would crash Drake.
+    """Check that fields are consistent, and that no number would crash Drake.
 
     Args:
         scenario: A loaded scenario, before positions are drawn.
@@ -246,14 +246,14 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if name not in known:
         key = "plant_config.discrete_contact_approximation"
         yield key, f"unknown {name!r} (allowed: {', '.join(known)})"
-    if (start := simulator.start_time) != 0.0:  # every run starts then
+    if (start := simulator.start_time) != 0.0:  # every run starts at 0
         yield "simulator_config.start_time", f"must be 0.0, got {start}"
     for i, pair in enumerate(scenario.ignored_contacts):
         if len(pair) != 2:
             yield f"ignored_contacts[{i}]", f"needs 2 names, got {len(pair)}"
     for i, directive in enumerate(scenario.directives):
         kinds = [k for k in _DIRECTIVES if getattr(directive, k) is not None]
-        if len(kinds) != 1:  # Drake takes only one of them
+        if len(kinds) != 1:  # Drake would ignore all but one
             got = " and ".join(kinds) or "none"
             yield (
                 f"directives[{i}]",
@@ -277,8 +277,7 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 f"{_CENIC} needs plant_config.time_step 0.0, got {step}",
             )
         return
-    # A tendon driver would update as often as the plant, and a held object would
-    # creep (docs/speed.md).
+    # On a continuous plant, objects held by a tendon driver creep (docs/speed.md).
     for robot in robot_arms(scenario):
         driver = robot.gripper
         if driver is not None and driver.needs_discrete_plant:
@@ -286,9 +285,9 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
             problem = f"{tag} cannot be used with integrator {_CENIC}"
             yield f"{robot.key}gripper", problem
     for key, period in _periods(scenario):
-        # These are exact in binary. 1024 periods of 10 ms miss 10.24 s by a rounding
-        # error, and in a step that short, contact goes astray (docs/speed.md). Drake
-        # 1.51.1 and 1.58 take such steps.
+        # Multiples of 1/1024 s are exact in binary. 1024 periods of 10 ms, however,
+        # miss 10.24 s by a rounding error. Drake 1.51.1 and 1.58 then take a step that
+        # short, in which contact fails (docs/speed.md).
         if not (1024.0 * period).is_integer():
             problem = f"must be a multiple of 1/1024 s with {_CENIC}, got {period}"
             yield key, problem
@@ -322,12 +321,12 @@ def _periods_of(key: str, config: object) -> Iterator[tuple[str, float]]:
                 yield from _periods_of(f"{key}.{field.name}", value)
 
 
-# What an arm may not be called: ports and models have these names.
+# Names that an arm must not have, because ports and models have them.
 _TAKEN = ("arm", "gripper", "safety", "planner", "localizer", "station", "object")
 
 
 def _arms_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the problems of several arms: invalid names, and a short form as well."""
+    """Yield the problems of `arms`, such as invalid names or an `arm` beside it."""
     if not scenario.arms:
         return
     for key in ("arm", "gripper", "safety"):
@@ -404,7 +403,7 @@ def _object_problems(
 
 
 def _sleeping_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the problems that keep resting objects from sleeping."""
+    """Yield the problems of `sleeping`, if it is given."""
     if scenario.sleeping is None:
         return
     step, period = scenario.plant_config.time_step, scenario.sleeping.period

@@ -1,4 +1,4 @@
-"""Draws a scenario's random values, each key from its own random stream."""
+"""Draws of a scenario's random values, each key from its own random stream."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _DISTRIBUTIONS = {
 def key_generator(seed: int, key: str) -> RandomGenerator:
     """Return the random generator for one key of a scenario.
 
-    Each key draws from its own stream, so that changing one field does not change what
-    is drawn for the others.
+    Each key draws from its own stream, so a change of one field does not change the
+    draws of others.
     """
     digest = hashlib.sha256(f"{seed}/{key}".encode()).digest()
     return RandomGenerator(int.from_bytes(digest[:4], "little"))
@@ -98,7 +98,7 @@ def is_distribution(tree: Any) -> bool:
 
 
 def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
-    """Return Drake's distribution, which has a method `Sample`, from a tree.
+    """Return the distribution in a tree, as an object of Drake with a method `Sample`.
 
     Args:
         node: A tree for which `is_distribution` holds.
@@ -106,7 +106,7 @@ def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
         key: Dotted path of `node`.
 
     Raises:
-        ScenarioError: If its numbers are invalid.
+        ScenarioError: If the distribution's numbers are invalid.
     """
     tag = node["_tag"]
     cls, fields = _DISTRIBUTIONS[tag]
@@ -143,17 +143,17 @@ def draw_choices(
 ) -> dict[str, Any]:
     """Return a scenario's tree merged with one choice of each group in `choices`.
 
-    A choice may contain `choices` itself; they are drawn next. Groups named in `chosen`
-    are not drawn.
+    A choice may itself contain `choices`, which are drawn next. `chosen` names choices
+    of groups that are not drawn.
 
     Args:
         tree: Tree of the whole scenario; not changed.
         seed: Seed of the draws.
         origin: File or name at the start of error messages.
-        values: Receives the names of what is chosen by `choices.GROUP`.
+        values: Receives the names of drawn choices, by `choices.GROUP`.
 
     Raises:
-        ScenarioError: If a group has no choices, or one of these does not fit the tree.
+        ScenarioError: If a group has no choices, or a choice does not fit the tree.
     """
     tree = dict(tree)
     chosen = tree.get("chosen") or {}
@@ -184,7 +184,7 @@ def draw_choices(
 def _of_what_is_left(
     tree: Mapping[str, Any], choice: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a choice without changes to entries that a variant has removed by null."""
+    """Return a choice without changes to entries that the tree has removed by null."""
     left = dict(choice)
     for group in ("objects", "cameras"):
         given, entries = choice.get(group), tree.get(group)
@@ -199,19 +199,19 @@ def add_clutter(
 ) -> dict[str, Any]:
     """Return a scenario's tree with the clutter added to its `objects`.
 
-    The kinds of the objects are drawn here, their own fields later.
+    This draws only the kinds of the objects; their fields are drawn later.
 
     Args:
         tree: Tree of the whole scenario; not changed.
         seed: Seed of the draws.
         origin: File or name at the start of error messages.
-        values: Receives, by key, the count if it is drawn, and the kinds.
+        values: Receives the kinds and, if drawn, the count, by key.
 
     Raises:
         ScenarioError: If the count is invalid, there are no kinds, or a name is taken.
     """
     tree, clutter = dict(tree), tree.get("clutter")
-    if tree.get("objects") is None:  # null in a variant removes those of its base
+    if tree.get("objects") is None:  # null in a variant removes the base's objects
         tree["objects"] = {}
     # `load_typed` reports values of another type.
     if not _is_mapping(tree["objects"]):

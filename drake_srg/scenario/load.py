@@ -1,4 +1,4 @@
-"""Loads scenario files: bases, overrides, random draws and checks."""
+"""The loader of scenario files: bases, overrides, random draws and checks."""
 
 import dataclasses as dc
 import re
@@ -34,8 +34,8 @@ class DrawnScenario:
     """A scenario with all its random values drawn, and these values."""
 
     scenario: Scenario
-    # By key as for `--set`, `objects.soup_can.mass`; the entries of vectors one by one,
-    # `objects.soup_can.position[0]`.
+    # The drawn values, by key as for `--set`: `objects.soup_can.mass`. Each entry of a
+    # vector has its own key: `objects.soup_can.position[0]`.
     values: Mapping[str, float | int | str]
 
 
@@ -47,7 +47,7 @@ def draw_scenario(
     Args:
         tree: A tree of `load_tree`; not changed.
         origin: File or name at the start of error messages.
-        seed: Replaces `random_seed`.
+        seed: Replaces `random_seed`, unless None.
 
     Raises:
         ScenarioError: On the first mistake found: one line that says where it is, what
@@ -79,7 +79,7 @@ def _drawn(tree: dict[str, Any], origin: str, seed: int | None) -> DrawnScenario
 
 
 def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:
-    """Return a message about a key, with the name of the base that sets the key.
+    """Return a message about a key, which names the base file if that sets the key.
 
     Args:
         message: The error message, which starts with `origin` and a dotted key.
@@ -95,7 +95,7 @@ def _blamed(message: str, tree: Mapping[str, Any], origin: str) -> str:
         path.append(unknown[1])
     try:
         files = _chain(_file(origin))
-    except ScenarioError:  # the tree is from elsewhere
+    except ScenarioError:  # the tree is not from a file
         return message
     for file, own in files:
         if (entry := _entry(path, own)) is not None:
@@ -135,7 +135,7 @@ def load_scenario(
 
     Args:
         name: Name of one of the package's scenarios, or path of a YAML file.
-        seed: Replaces `random_seed`.
+        seed: Replaces `random_seed`, unless None.
         overrides: Entries `KEY=VALUE`, with a dotted key and a value in YAML. `object.`
             is short for the picked object's entry.
 
@@ -161,13 +161,13 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
 
 
 def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
-    """Draw free places for the objects that have none."""
+    """Draw free places for the objects that have neither position nor pose."""
     objects, pick = scenario.objects, scenario.task.pick
-    homeless = [n for n, o in objects.items() if o.position is None and o.pose is None]
+    unplaced = [n for n, o in objects.items() if o.position is None and o.pose is None]
     # The picked object comes first, so that the others do not change its place.
     for names in (
-        [n for n in homeless if n == pick],
-        [n for n in homeless if n != pick],
+        [n for n in unplaced if n == pick],
+        [n for n in unplaced if n != pick],
     ):
         for name, p in _free_places(scenario, origin, names).items():
             objects[name].position = [float(x) for x in p]
@@ -248,7 +248,7 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
     """Change entries of a scenario's tree.
 
     Args:
-        tree: As of `load_tree`; changed.
+        tree: A tree of `load_tree`; changed.
         overrides: Entries `KEY=VALUE`; see `load_scenario`.
 
     Raises:
@@ -269,11 +269,11 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
 
 
 def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
-    """Make relative paths of models in a tree absolute: objects' and directives'.
+    """Make relative paths of models in objects and directives absolute.
 
     Args:
         tree: Tree of a scenario or a part of it; changed.
-        folder: The folder that paths are relative to.
+        folder: The folder to which paths are relative.
     """
     clutter = tree.get("clutter")
     kinds = clutter.get("kinds") if isinstance(clutter, dict) else None
@@ -283,7 +283,7 @@ def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
             if isinstance(model, str) and "://" not in model:
                 entry["model"] = str((folder / Path(model).expanduser()).absolute())
     directives = tree.get("directives")
-    if isinstance(directives, dict):  # of an overlay
+    if isinstance(directives, dict):  # a variant overrides directives by name
         directives = list(directives.values())
     for entry in directives if isinstance(directives, list) else ():
         added = entry.get("add_model") if isinstance(entry, dict) else None
@@ -303,7 +303,7 @@ def _builtin(name: str | Path) -> Path:
 
 
 def _chain(path: Path) -> list[tuple[Path, dict[str, Any]]]:
-    """Return the trees of a scenario's file, of its base, of the base's base ...
+    """Return the trees of a scenario's file, of its base, and of further bases.
 
     Raises:
         ScenarioError: If a file cannot be read, or is its own base.

@@ -22,7 +22,7 @@ from drake_srg.theses.taught import Taught
 if TYPE_CHECKING:
     from drake_srg.scenario.schema import Scenario
 
-# Keys of files from before planners had tags, and how the same is written now.
+# Keys of files from before planners had tags, and their present form.
 _EARLIER = {
     "taught": "planner: !Taught {lift: [...], place: [...], ...}",
     "servoing": "planner: !Servoing {servo: {...}, ...}",
@@ -32,10 +32,10 @@ _EARLIER = {
 
 
 def with_planner_tag(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
-    """Return a scenario's tree with a planner that picks and places by default.
+    """Return a scenario's tree with a planner's tag, by default `!PickAndPlace`.
 
     Args:
-        tree: With bases and overrides.
+        tree: The tree, with bases and overrides.
         origin: File or name at the start of error messages.
 
     Raises:
@@ -57,7 +57,7 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if isinstance(planner, Script):
         yield from _script_problems(scenario, planner)
     if isinstance(planner, Taught) and scenario.localizer.obstacles:
-        problem = "must be false with taught waypoints, which avoid nothing"
+        problem = "must be false with taught waypoints, which avoid no obstacles"
         yield "localizer.obstacles", f"{problem}, got true"
     if isinstance(planner, Servoing):
         yield from _servo_problems(scenario, planner)
@@ -71,7 +71,7 @@ def planner_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _clear_together_problems(scenario)
 
 
-# Planners that take one object, which `task.pick` names.
+# Configurations of planners that take one object, named by `task.pick`.
 _ONE_OBJECT = (PickAndPlace, Servoing, Insert, Handover, CarryTogether, Taught)
 
 
@@ -116,11 +116,11 @@ def _insertion_problems(
         problem = "must be !ArmImpedanceDriver with cartesian for planner: !Insert"
         yield "arm", f"{problem}, got !{type(arm).__name__}"
         return
-    # The limits of the forces hold only if the planner knows the spring.
+    # The planner keeps its force limits only if it knows the arm's stiffness.
     stiffest = max(arm.cartesian.translation), arm.cartesian.rotation
-    for key, is_so in zip(("stiffness", "turning_stiffness"), stiffest, strict=True):
-        if (believed := getattr(planner, key)) != is_so:
-            problem = f"must be that of arm.cartesian ({is_so:g}), got {believed:g}"
+    for key, actual in zip(("stiffness", "turning_stiffness"), stiffest, strict=True):
+        if (assumed := getattr(planner, key)) != actual:
+            problem = f"must be that of arm.cartesian ({actual:g}), got {assumed:g}"
             yield f"planner.{key}", problem
 
 
@@ -143,10 +143,10 @@ def _carry_problems(
             yield f"arms.{key}.gripper", "must be given with planner: !CarryTogether"
         if arm is not None and not isinstance(arm.arm, ArmImpedanceDriver):
             problem = "must be !ArmImpedanceDriver for planner: !CarryTogether, or the "
-            problem += "hands force one another"
+            problem += "arms press against each other"
             yield f"arms.{key}.arm", f"{problem}, got !{type(arm.arm).__name__}"
     if planner.max_external_torque is not None:
-        problem = "must be null with planner: !CarryTogether, which feels nothing"
+        problem = "must be null with planner: !CarryTogether, which watches no torques"
         yield "planner.max_external_torque", problem
 
 

@@ -1,8 +1,8 @@
-"""The dataclasses that a scenario file fills.
+"""The dataclasses of a scenario file, which is YAML.
 
-A scenario is YAML. Plant, simulator, scene graph, model directives and cameras follow
-Drake's own schema. `base: NAME` lays a file over another. Any numeric field may be one
-of Drake's distributions, drawn from `random_seed`.
+Plant, simulator, scene graph, model directives and cameras follow Drake's own schema.
+`base: NAME` lays a file over another. Any number may be one of Drake's distributions,
+drawn with `random_seed`.
 """
 
 import contextlib
@@ -48,43 +48,46 @@ from drake_srg.vision.color import COLORS
 
 @dc.dataclass(kw_only=True)
 class TwinConfig(Config):
-    """Differences between a robot and its twin that are reported; see docs/twin.md."""
+    """Limits of the differences between a robot and its twin; see docs/twin.md."""
 
-    # Time between samples of the twin, in place of `arm.period` [s]: at long periods, a
-    # twin lags behind, and misses pictures that arrive at once. Null: `arm.period`.
+    # Time between samples of the twin, in place of `arm.period` [s]. With long periods,
+    # a twin lags, and misses pictures that arrive in quick succession. Null:
+    # `arm.period`.
     period: float | None = dc.field(default=None, metadata=positive())
-    # Largest difference between a measured joint of the arm and the twin's, which
-    # follows it [rad or m]. It does so two control periods late: 0.05 rad at the
-    # fastest joint's top speed in the fast kitchen.
+    # Largest difference between a measured joint of the arm and the twin's [rad or m].
+    # The twin follows two control periods late: 0.05 rad at the fastest joint's top
+    # speed in the fast kitchen.
     joint: float = dc.field(default=0.1, metadata=positive())
     # Largest difference between measured and expected torques of the arm, as a share of
     # the joint's effort limit. The iiwa's axis-specific torque accuracy is 2 % (KUKA,
     # LBR iiwa, technical data).
     torque: float = dc.field(default=0.02, metadata=positive())
-    # Joint speed above which torques do not count [rad/s or m/s]: acceleration and
-    # friction are known less well. The arm must have been slower for this long, and the
-    # torque must have differed for as long [s]; the comparison's time constant is
-    # 0.02 s. The planner's shortest rest is 0.3 s.
+    # Joint speed above which torques do not count [rad/s or m/s], because acceleration
+    # and friction are known less well. `still_time` [s] is how long the arm must have
+    # been slower, and how long the torque must have differed. The comparison's time
+    # constant is 0.02 s. The planner's shortest rest is 0.3 s.
     still_speed: float = dc.field(default=0.005, metadata=positive())
     still_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # Largest difference between a measured finger joint and the twin's [rad]. Fingers
     # around cans of 60 and 66 mm differ by 0.1 rad.
     finger: float = dc.field(default=0.1, metadata=positive())
-    # Largest distance between where a camera sees an object and where the twin has it
-    # [m]. Half hidden by the hand, an object is seen up to 10 mm off.
+    # Largest distance between an object's position as seen by a camera and in the twin
+    # [m]. If the hand hides half of an object, the camera's estimate is up to 10 mm
+    # off.
     object: float = dc.field(default=0.03, metadata=positive())
-    # How long a difference must last to be reported [s]: the fingers' commands arrive
-    # up to 0.1 s early or late.
+    # Time for which a difference must last to be reported [s]. Commands to the fingers
+    # arrive up to 0.1 s early or late.
     patience: float = dc.field(default=0.3, metadata={"ge": 0.0})
-    # Nothing is reported for this time [s] at first, and after messages that were more
-    # than `patience` apart: the twin's fingers need it to reach their command.
+    # Time without reports at first, and after a gap of more than `patience` between
+    # messages [s]: the twin's fingers need it to reach their command.
     settle: float = dc.field(default=2.0, metadata={"ge": 0.0})
     # The twin ends when the robot has been silent for this long [s, real].
     silence: float = dc.field(default=3.0, metadata=positive())
-    # Topics of the cameras' sightings, std_msgs/String as `serve` publishes it,
-    # and of the commands to the gripper: std_msgs/Float64, 0 open .. 1 closed,
-    # and std_msgs/Int32, 0 open .. 100 closed. Empty: no such topic. A name without a
-    # slash in front is the arm's own: `grasp` is /left/grasp for the arm `left`.
+    # Topics; empty: no such topic. `blobs` has the cameras' sightings, std_msgs/String
+    # as published by `serve`. The others have the commands to the gripper: `closure`,
+    # std_msgs/Float64, 0 open .. 1 closed, and `grasp`, std_msgs/Int32, 0 open .. 100
+    # closed. A name without a leading slash is the arm's own: `grasp` is /left/grasp
+    # for the arm `left`.
     blobs: str = "/blobs"
     closure: str = "gripper/closure_commanded"
     grasp: str = "grasp"
@@ -93,8 +96,9 @@ class TwinConfig(Config):
 # The arm drivers of the package. The name of a driver's class is its tag.
 ARM_DRIVERS: tuple[type[ArmDriver], ...] = (ArmPositionDriver, ArmImpedanceDriver)
 
-# The planners of the package. Its class name is a planner's tag in scenario files. For
-# one of your own, call `drake_srg.station.register_planner`.
+# The planners' configurations in the package. The name of the class is the planner's
+# tag in scenario files. To add one of your own, call
+# `drake_srg.station.register_planner`.
 PLANNERS: tuple[type[PlannerConfig], ...] = (
     PickAndPlace,
     Clear,
@@ -123,15 +127,15 @@ class SelectionConfig(Config):
     Written as `[NAME, ...]`, as `{colour: COLOUR}`, or as `all`.
     """
 
-    # Objects that the localizer knows: each has a `shape` or a `color_range`.
+    # Names of objects that the localizer knows: each has a `shape` or a `color_range`.
     names: list[str] = dc.field(default_factory=list)
-    # The name of a colour that a camera sees on most of the object.
+    # Name of a colour; it must be that of most of the object's visible surface.
     colour: str = dc.field(default="", metadata={"among": ("", *COLORS)})
 
 
 @dc.dataclass(kw_only=True)
 class RowConfig(Config):
-    """Places side by side, one for each name in `task.pick`, in their order."""
+    """Places side by side, one for each name in `task.pick`, in the same order."""
 
     # [x, y] of the first object's centre in world [m].
     start: list[float] = dc.field(
@@ -141,7 +145,7 @@ class RowConfig(Config):
     # [m]. The fingers close across the row, so that they do not touch neighbours.
     direction: float = 0.0
     spacing: float = dc.field(default=0.12, metadata=positive())
-    # Distance from its place within which an object counts as placed [m].
+    # Largest distance from its place at which an object counts as placed [m].
     tolerance: float = dc.field(default=0.01, metadata=positive())
 
 
@@ -153,24 +157,24 @@ class PlaceConfig(Config):
     position: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
-    # Height of the surface there in world [m]; null: the table's.
+    # Height of the goal's surface in world [m]; null: the table's.
     height: float | None = None
-    # Distance from the goal within which the task counts as done [m].
+    # Largest distance from the goal at which the task counts as done [m].
     tolerance: float = dc.field(default=0.005, metadata=positive())
     # URL of a model that marks the place; empty: none.
     marker: str = ""
     # Name of a model among `directives`, an open box: objects are dropped into it
     # instead of being set down. The other keys do not apply.
     bin: str = ""
-    # Bins by name, as with `bin`, and the objects for each. Names count before
-    # colours, and colours before `all`; objects that suit no bin stay. Once
-    # loaded, `bin` is among them.
+    # Several bins by name, like `bin`, and the objects for each. Names have priority
+    # over colours, and colours over `all`. Objects that suit no bin stay. Loading the
+    # scenario adds `bin`.
     bins: dict[str, SelectionConfig] = dc.field(default_factory=dict)
-    # A row in which objects that stand are set down again, upright, at `height`. Needs
-    # a list of names as `task.pick`.
+    # A row in which standing objects are set down again, upright, at `height`. Needs a
+    # list of names as `task.pick`.
     row: RowConfig | None = None
-    # Cameras that see where loads go, besides those of the localizer. Only with `bin`,
-    # `bins` or `row`.
+    # Cameras that look at the destinations of loads, besides those of the localizer.
+    # Only with `bin`, `bins` or `row`.
     cameras: list[str] = dc.field(default_factory=list)
 
 
@@ -197,9 +201,9 @@ class TableConfig(RegionConfig):
 class ClearConfig(Config):
     """Objects of any shape to clear away, one after another."""
 
-    # Their names; `task.pick` fills them in.
+    # Names of the objects. Loading the scenario fills them in from `task.pick`.
     objects: list[str] = dc.field(default_factory=list)
-    # The planner looks for them in this region, without the bin.
+    # Region in which the planner looks for objects, except in the bin.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
 
 
@@ -208,16 +212,17 @@ class TaskConfig(Config):
     """The planner's task: pick and place one object, or clear many off the table."""
 
     # Name of the object; empty: nothing to do. With `place.bin`, `all`, a list of names
-    # or a colour (see SelectionConfig); with `place.bins`, `all`. Once loaded, the
-    # names are in `clear.objects`, and `pick` is empty.
+    # or a colour (see SelectionConfig); with `place.bins`, `all`. Loading the scenario
+    # moves the names to `clear.objects`, and `pick` is then empty.
     pick: str = ""
     clear: ClearConfig | None = None
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
-    # Number of cycles. Every second cycle returns the object to where it was found. A
-    # script is played that often.
+    # Number of cycles. Every second cycle returns the object to its first place. A
+    # script is played this many times.
     repeat: int = dc.field(default=1, metadata={"ge": 1})
-    # Where objects without a position are placed, and the distance between centres [m].
-    # 0.15 leaves room for an open finger of the SRG between two objects.
+    # Region in which objects without a position are placed, and the least distance
+    # between centres [m]. 0.15 leaves room for an open finger of the SRG between two
+    # objects.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
     spacing: float = dc.field(default=0.15, metadata=positive())
 
@@ -230,14 +235,14 @@ class LocalizerConfig(Config):
     cameras: list[str] = dc.field(default_factory=list)
     # Smallest blob [pixels].
     min_area: int = dc.field(default=50, metadata={"ge": 1})
-    # Whether unknown obstacles are detected, for the planner to avoid. Searched are
-    # `task.region`, extended by `task.spacing`, and that distance around the goal.
+    # Whether to detect unknown obstacles, for the planner to avoid. The search covers
+    # `task.region` and the goal, each extended by `task.spacing`.
     obstacles: bool = False
-    # Whether the cameras' tilt and height are corrected by the level surfaces that they
-    # see: `table` and the goal's surroundings.
+    # Whether to correct the cameras' tilt and height by the visible level surfaces:
+    # `table` and the goal's surroundings.
     level_cameras: bool = False
-    # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
-    # camera and finds only `task.pick`; the other keys do not apply.
+    # The localizer of the five-axis arm's thesis. It takes one camera and finds only
+    # `task.pick`; the keys `min_area` and `level_cameras` do not apply.
     thesis: ThesisBlobConfig | None = None
 
 
@@ -245,19 +250,19 @@ class LocalizerConfig(Config):
 class RecordingConfig(Config):
     """Configuration of the recordings of a run. Times are simulated."""
 
-    # Time between samples of the log [s]. Must be short, because the metrics are
+    # Time between samples of the log [s]. It must be short, because metrics are
     # computed from the log.
     period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
-    # Camera of the smaller picture in the corner of video.mp4, such as one that the
-    # hand carries; empty: none.
+    # Camera of the smaller picture in the corner of video.mp4, such as one on the hand;
+    # empty: none.
     inset_camera: str = ""
     video_fps: float = dc.field(default=20.0, metadata=positive(le=240.0))
     # Cameras whose images go into recording.mcap, and the time between images [s].
     bag_cameras: list[str] = dc.field(default_factory=list)
     bag_camera_period: float = dc.field(default=0.5, metadata=positive())
-    # Whether these cameras' depth images go there, too.
+    # Whether these cameras' depth images go into recording.mcap, too.
     bag_depth: bool = False
     # Whether recording.mcap shows the run in 3D: topics /tf and /scene.
     bag_scene: bool = True
@@ -265,17 +270,17 @@ class RecordingConfig(Config):
 
 @dc.dataclass(kw_only=True)
 class ArmConfig(Config):
-    """One of several arms, by name: its driver, its gripper's, and its limits.
+    """One of several arms: its driver, its gripper's driver, and its limits.
 
-    The arm's model among `directives` has the arm's name, its gripper's model that name
-    with `.gripper` after it.
+    Among `directives`, the model of the arm NAME must be called NAME, and that of its
+    gripper NAME.gripper.
     """
 
     # Driver of the arm, chosen by its tag. It must be given.
     arm: _ArmDriver | None = None
     # Driver of the arm's gripper, chosen by its tag; null: there is no gripper.
     gripper: _Driver | None = None
-    # Limits of the arm's motion that hold whatever commands it; null: none.
+    # Limits of the arm's motion, for any source of commands; null: none.
     safety: SafetyConfig | None = None
 
 
@@ -290,7 +295,7 @@ class Scenario(Config):
     simulator_config: SimulatorConfig = dc.field(default_factory=SimulatorConfig)
     scene_graph_config: SceneGraphConfig = dc.field(default_factory=SceneGraphConfig)
     # Pairs of names of collision geometries, MODEL::GEOMETRY with wildcards * and ?. In
-    # the simulation they pass through each other, which saves time. The planner still
+    # the simulation, they pass through each other, which saves time. The planner still
     # keeps them apart.
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
     # All models except `objects`. The actuated ones are named `arm` and `gripper`; with
@@ -300,7 +305,7 @@ class Scenario(Config):
     arm: _ArmDriver | None = None
     # Driver of the model `gripper`, chosen by its tag; null: there is no gripper.
     gripper: _Driver | None = None
-    # Limits of the arm's motion that hold whatever commands it; null: none.
+    # Limits of the arm's motion, for any source of commands; null: none.
     safety: SafetyConfig | None = None
     # Several arms, by name, in place of `arm`, `gripper` and `safety`; see
     # docs/two_arms.md.
@@ -309,8 +314,8 @@ class Scenario(Config):
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
-    # Calibrations of cameras by name, see docs/calibration.md. They replace the pose
-    # errors among `camera_errors`.
+    # Calibrations of cameras by name; see docs/calibration.md. They replace the pose
+    # errors in `camera_errors`.
     camera_calibrations: dict[str, CameraCalibrationConfig] = dc.field(
         default_factory=dict
     )
@@ -318,12 +323,13 @@ class Scenario(Config):
     table: TableConfig = dc.field(default_factory=TableConfig)
     # The objects, by name.
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
-    # Alternatives by group and by name, each a mapping of a scenario's keys: one of
-    # each group is drawn and laid over the scenario. Once loaded, there are none left.
+    # Alternatives by group and by name, each a mapping of a scenario's keys. Loading
+    # the scenario draws one of each group, and lays it over the scenario.
     choices: dict[str, dict[str, dict[str, str]]] = dc.field(default_factory=dict)
     # Names of choices by group, in place of drawn ones.
     chosen: dict[str, str] = dc.field(default_factory=dict)
-    # A random number of more objects; once loaded, they are among `objects`.
+    # A random number of additional objects. Loading the scenario adds them to
+    # `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
     # Null: objects never sleep. Needs `plant_config.time_step` above 0 and no soft
     # objects.
@@ -332,18 +338,18 @@ class Scenario(Config):
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     # Without a tag, `!PickAndPlace`.
     planner: _Planner = dc.field(default_factory=PickAndPlace)
-    # When a robot and its digital twin differ; see docs/twin.md.
+    # Limits of the differences between a robot and its digital twin; see docs/twin.md.
     twin: TwinConfig = dc.field(default_factory=TwinConfig)
     # Motions of furniture that carries objects, by the name of a model among
     # `directives` with one actuated joint.
     slides: dict[str, SlideConfig] = dc.field(default_factory=dict)
-    # Forces on objects that the robot does not exert.
+    # Forces on objects that do not come from the robot.
     disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
 
 
 def accept_driver(driver: type[GripperDriver]) -> None:
-    """Accept a driver of your own as `gripper` of scenario files, tagged by its name.
+    """Accept a driver of your own in `gripper` of scenario files, tagged by its name.
 
     `drake_srg.station.register_gripper` calls this.
     """
@@ -351,7 +357,7 @@ def accept_driver(driver: type[GripperDriver]) -> None:
 
 
 def accept_planner(planner: type[PlannerConfig]) -> None:
-    """Accept a planner of your own as `planner` of scenario files, tagged by its name.
+    """Accept a planner of your own in `planner` of scenario files, tagged by its name.
 
     `drake_srg.station.register_planner` calls this.
     """
@@ -368,18 +374,18 @@ def _accept(key: str, accepted: type[object]) -> None:
 def _widen(
     owner: type[object], field: dc.Field[typing.Any], accepted: type[object]
 ) -> None:
-    # `None`, which only some keys take, stays last.
+    # `None`, if the field allows it, stays last.
     known = [kind for kind in typing.get_args(field.type) if kind is not type(None)]
     optional = [None] if len(known) < len(typing.get_args(field.type)) else []
     known = [other for other in known if other.__name__ != accepted.__name__]
     # Derived classes come first: Drake writes the tag of the first class that fits.
     known = sorted([accepted, *known], key=lambda kind: -len(kind.__mro__))
     choice = functools.reduce(operator.or_, [*known, *optional])
-    # Drake's YAML functions know the tags of a field by its type alone (`field.type`,
-    # up to Drake 1.58), and a class of a user's own comes at run time. A second
-    # Scenario class would be another type than the one that all functions take. So the
-    # type is widened here, in the field for Drake and in the annotation for
-    # `check_tree`, until Drake takes tags from elsewhere.
+    # Up to Drake 1.58, its YAML functions know the tags of a field only from its type
+    # (`field.type`), but a user's own class is registered at run time. A second
+    # Scenario class would be another type than the one that all functions take. So
+    # widen the type here, in the field for Drake and in the annotation for
+    # `check_tree`.
     field.type = owner.__annotations__[field.name] = choice
 
 
@@ -387,8 +393,8 @@ def _widen(
 class RobotArm:
     """An arm with its gripper, and the names that distinguish it from other arms.
 
-    The only arm of a scenario, in `arm` and `gripper`, has no name. Code for several
-    arms therefore also works for one.
+    The arm in a scenario's `arm` and `gripper` has an empty name, so code for several
+    arms also works for one.
     """
 
     name: str = ""  # empty: the scenario's only arm
@@ -403,12 +409,12 @@ class RobotArm:
 
     @property
     def arm_model(self) -> str:
-        """The arm's model instance, and what its ports begin with: `arm` or NAME."""
+        """Name of the arm's model instance, and start of its ports: `arm` or NAME."""
         return self.name or "arm"
 
     @property
     def gripper_model(self) -> str:
-        """The same of the gripper: `gripper` or `NAME.gripper`."""
+        """Like `arm_model`, for the gripper: `gripper` or `NAME.gripper`."""
         return f"{self.prefix}gripper"
 
     @property
@@ -418,7 +424,7 @@ class RobotArm:
 
     @contextlib.contextmanager
     def named_errors(self) -> Iterator[None]:
-        """Make errors about a driver's key name its arm."""
+        """Put the arm's name in front of keys in error messages."""
         try:
             yield
         except (ScenarioError, ValueError) as error:
@@ -437,7 +443,7 @@ class RobotArm:
 
 
 def robot_arms(scenario: Scenario) -> list[RobotArm]:
-    """Return a scenario's arms; without `arms`, one that may lack arm and gripper."""
+    """Return a scenario's arms; without `arms`, one, whose parts may be None."""
     if not scenario.arms:
         return [RobotArm("", scenario.arm, scenario.gripper, scenario.safety)]
     return [
@@ -454,7 +460,7 @@ def check_single_arm(scenario: Scenario, what: str) -> None:
         what: The feature that supports one arm only, for the message.
 
     Raises:
-        ScenarioError: If it has several.
+        ScenarioError: If the scenario uses `arms`.
     """
     if scenario.arms:
         raise ScenarioError(
@@ -464,7 +470,7 @@ def check_single_arm(scenario: Scenario, what: str) -> None:
 
 
 def script_of(scenario: Scenario) -> list[ScriptStep]:
-    """Return the steps of a scenario's script; empty if its planner uses cameras."""
+    """Return the steps of a scenario's script; empty if it has another planner."""
     planner = scenario.planner
     return planner.steps if isinstance(planner, Script) else []
 

@@ -2,8 +2,8 @@
 
 A tree consists of dicts, lists and scalars. A tag is the entry `_tag` of its mapping.
 
-Drake's `yaml_load_typed` does the conversion. Its errors name neither the file nor the
-key, and it accepts mistyped tags, so `check_tree` checks everything first.
+Drake's `yaml_load_typed` does the conversion. But its errors name neither the file nor
+the key, and it accepts mistyped tags. Therefore, `check_tree` checks everything first.
 """
 
 from __future__ import annotations
@@ -47,19 +47,19 @@ def parse_yaml(text: str, origin: str) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _parse(text: str) -> Any:
-    """Parse YAML text; cached, because shared bases take tens of milliseconds."""
+    """Parse YAML text; cached, because common bases take tens of milliseconds."""
     try:
         tree = yaml_load(data=text)
-    except RecursionError:  # too deep for the check in C, which would crash
+    except RecursionError:  # too deep for the loader in C, which would crash
         raise
     except Exception:
-        _check_node(yaml.compose(text, Loader=_LOADER), {})  # tells more, if it fails
+        _check_node(yaml.compose(text, Loader=_LOADER), {})  # a better message, if any
         raise
     _check_node(yaml.compose(text, Loader=_LOADER), {})
     return tree
 
 
-# In C where PyYAML has it.
+# The loader in C, if PyYAML has it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _KEYS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
@@ -73,10 +73,11 @@ def _check_node(node: yaml.Node | None, finished: dict[int, bool]) -> None:
 
     Args:
         node: The node; None for empty text.
-        finished: Whether each node is checked or still being checked, by its id.
+        finished: By a node's id: True once it is checked, False while it is being
+            checked.
 
     Raises:
-        _BadTreeError: If it is not; the message says where.
+        _BadTreeError: If the node is not such a tree; the message says where.
     """
     if not isinstance(node, yaml.CollectionNode) or finished.get(id(node)):
         return
@@ -102,9 +103,9 @@ def _check_node(node: yaml.Node | None, finished: dict[int, bool]) -> None:
 def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
     """Return `base` with `override` laid over it, mapping by mapping.
 
-    A mapping whose tag differs from the base's replaces it as a whole. The keys of a
-    mapping over a list name the entries of the list to override, or to remove by null;
-    see `entry_names`.
+    A mapping with another tag than the base's mapping replaces that as a whole. If the
+    base has a list, the keys of the override's mapping name the entries to override, or
+    to remove by null; see `entry_names`.
 
     Args:
         base: A parsed tree; not changed.
@@ -140,8 +141,8 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
     """Merge `value` into `tree` at the dotted `key`, adding mappings on the way.
 
     The entry of a list is given by its name, as in `directives.gripper.add_model.file`,
-    or, in a list without names, by its index, as in `script.0.duration`. An empty
-    mapping replaces the old value, because merging it would change nothing.
+    or, in a list without names, by its index, as in `planner.steps.0.duration`. An
+    empty mapping replaces the old value, because merging it would change nothing.
 
     Raises:
         ScenarioError: If the key leads through a scalar, or to an entry that a list
@@ -169,7 +170,7 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
 
 
 def entry_names(items: Sequence[Any]) -> list[str]:
-    """Return the names of a list's entries, or an empty list unless all have one.
+    """Return the names of a list's entries; empty if an entry has no name.
 
     The name of an entry is its `name`. The name of a model directive is the `name` of
     its model or frame, the `child` of a weld, or the stem of an included `file`.
@@ -358,7 +359,7 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
     if not ours and tag is not None and tag != f"!{name}":
         return value  # a tagged short form of a Drake class, such as !Rpy {deg: ...}
     fields = _fields(schema) or {}
-    # A tag only matters in a union (`_check_union`); elsewhere it is redundant.
+    # A tag matters only in a union (`_check_union`), so drop it here.
     result: dict[str, Any] = {}
     for field, item in value.items():
         if field == "_tag":
@@ -393,7 +394,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
     options = [
         option
         for option in options
-        # Drake pads its unions with classes that only report an invalid choice.
+        # Drake adds classes to its unions that only report an invalid choice.
         if option is not type(None) and not _base_name(option).startswith("_Invalid")
     ]
     if len(options) == 1:

@@ -1,7 +1,7 @@
 """The station with the interface of the hardware, and the cell around it.
 
 A station is a plant with its sensors and drivers. A cell is a station with a localizer
-and a planner, which works autonomously.
+and a planner, and works autonomously.
 """
 
 from drake_srg.face import face

@@ -1,4 +1,4 @@
-"""The cameras of a scenario, and the scene graph that they render."""
+"""The cameras of a scenario, and the scene graph for their images."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def AddCameras(
 
     The cameras render a scene graph of their own, which reads the plant's poses only
     when an image is evaluated. In the plant's scene graph, the renderers would follow
-    every step of the simulation, which costs as much as the bare plant. Soft objects
-    exist only in the plant's scene graph and cost more than the renderers do: with
-    them, the cameras render that one.
+    every step of the simulation, which takes as long as the bare plant. With soft
+    objects, which exist only in the plant's scene graph, the cameras render that one:
+    there, the renderers' time matters less.
     """
     if any(config.soft for config in scenario.objects.values()):
         return _AddSensors(builder, plant, scene_graph, scenario)
@@ -58,7 +58,7 @@ def MakeRemoteCameras(scenario: Scenario) -> Diagram:
         - camera_NAME.depth_image
         - camera_NAME.body_pose_in_world
 
-    `state` is the state [q; v] of a plant of `AddPlant` for the same scenario.
+    `state` is the state [q; v] of a plant from `AddPlant` for the same scenario.
     """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("render_scene_graph", SceneGraph())
@@ -90,7 +90,7 @@ def _AddSensors(
     ports: dict[str, OutputPort] = {}
     if scenario.cameras:
         require_rendering()
-    # The first camera of a renderer defines it: one that says how comes first.
+    # The first camera of a renderer defines it, so begin with those that do.
     cameras = sorted(scenario.cameras.items(), key=lambda c: c[1].renderer_class == "")
     for name, camera_config in cameras:
         config = copy.copy(camera_config)
@@ -100,11 +100,11 @@ def _AddSensors(
             builder=builder,
             plant=plant,
             scene_graph=scene_graph,
-            lcm=DrakeLcm("memq://null"),  # for no publishing
+            lcm=DrakeLcm("memq://null"),  # publishes nothing
         )
         sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
-        # Not GetOutputPort: for a system that Drake made, it keeps the builder alive
-        # where the garbage collector cannot see it (Drake 1.51.1).
+        # Not GetOutputPort: for a system that Drake made, the result keeps the builder
+        # alive, unseen by the garbage collector (Drake 1.51.1).
         seen = {
             "color_image": sensor.color_image_output_port(),
             "depth_image": sensor.depth_image_32F_output_port(),

@@ -1,4 +1,4 @@
-"""The cell: a station with localizer and planner, which works on its own."""
+"""The cell: a station with localizer and planner, working on its own."""
 
 import copy
 import functools
@@ -57,7 +57,7 @@ from drake_srg.station.station import MakeStation
 from drake_srg.theses.script import Script
 from drake_srg.theses.taught import Taught
 
-# Planners that look through the localizer's cameras.
+# Configurations of planners that need the localizer's cameras.
 _LOOKING = (PickAndPlace, Clear, Servoing, Insert, Handover, CarryTogether, Taught)
 _ONE_ARM = (RobotArm(),)
 
@@ -77,7 +77,7 @@ def command_ports(arms: Sequence[RobotArm]) -> list[tuple[str, str]]:
     ]
 
 
-# The planner's output port that counts messages; the station's is the gripper's.
+# The planner's output port that counts messages; also an input of the gripper.
 _MESSAGES = "closure_messages"
 
 
@@ -110,19 +110,24 @@ def MakeCell(
     `disturber`. To replace one, build the diagram yourself with your own in its place;
     `AddCell` is kept short for that purpose.
 
-    The tag of the scenario's `planner` chooses the planner: `!PickAndPlace`, a
-    `PickAndPlacePlanner`; `!Taught`, a `TaughtPlanner`; `!Servoing`, a diagram of a
-    `ServoingPlanner` and a visual servo, see `MakeServoingPlanner`; `!Clear`, a
-    `ClearingPlanner`, for which a `height_mapper` stands in for the localizer, or with
-    `arms` a diagram of `MakeClearingPair`, with ports `planner.NAME.mode` and
-    `NAME.height_mapper.height_map` for each arm; `!Script`, one that plays the script,
-    without a localizer.
+    The tag of the scenario's `planner` chooses the planner:
+
+    * `!PickAndPlace`: a `PickAndPlacePlanner`.
+    * `!Taught`: a `TaughtPlanner`.
+    * `!Insert`: an `InsertionPlanner`.
+    * `!Handover`: a `HandoverPlanner` of two arms.
+    * `!CarryTogether`: a `CarryPlanner` of two arms.
+    * `!Servoing`: a `ServoingPlanner` with a visual servo; see `MakeServoingPlanner`.
+    * `!Clear`: a `ClearingPlanner`, with a `height_mapper` in place of the localizer.
+      With `arms`, a diagram of `MakeClearingPair`, with ports `planner.NAME.mode` and
+      `NAME.height_mapper.height_map` for each arm.
+    * `!Script`: a planner that plays the script, without a localizer.
 
     Args:
         scenario: The scenario of the cell.
         make_station: Builds the station: any diagram with the ports of `MakeStation`'s.
-        make_planner: Makes a planner in place of the scenario's. It needs the outputs
-            of `PickAndPlacePlanner`, and `blobs` of its inputs.
+        make_planner: Makes a planner in place of the scenario's. The planner needs the
+            outputs of `PickAndPlacePlanner` and the input `blobs`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -190,10 +195,10 @@ def AddScenarioPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System] | None = None,
 ) -> System:
-    """Add a scenario's planner and perception, which read the station's sensors.
+    """Add a scenario's planner and perception, connected to the station's sensors.
 
-    `ConnectCommands` makes the station do what the planner commands. `make_planner`
-    makes a planner in place of the scenario's; see `MakeCell`.
+    Its commands are not connected; see `ConnectCommands`. `make_planner` makes a
+    planner in place of the scenario's; see `MakeCell`.
     """
     if make_planner is not None:
         return AddLocalizingPlanner(builder, scenario, station, make_planner)
@@ -204,10 +209,10 @@ def load_make_cell(name: str) -> Callable[[Scenario], Diagram]:
     """Return a user's own function that builds a cell.
 
     Args:
-        name: `module:function`; the module is looked for in the working directory, too.
+        name: `module:function`; the module may also be in the working directory.
 
     Raises:
-        ScenarioError: If there is none.
+        ScenarioError: If there is no such function.
     """
     module, colon, function = name.partition(":")
     if not (module and colon and function):
@@ -231,7 +236,7 @@ def AddLocalizingPlanner(
     station: Diagram,
     make_planner: Callable[[Scenario], System],
 ) -> System:
-    """Add a planner with inputs of `PickAndPlacePlanner`, and the localizer."""
+    """Add a planner with the inputs of `PickAndPlacePlanner`, and the localizer."""
     localizer = AddLocalizer(builder, scenario, station)
     planner = builder.AddNamedSystem("planner", make_planner(scenario))
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
@@ -282,7 +287,7 @@ def AddScriptedPlanner(
     return planner
 
 
-# Adds a planner and its perception to a cell with a station, and connects its inputs.
+# Adds a planner and its perception to a cell, and connects their inputs to the station.
 AddPlanner: TypeAlias = Callable[[DiagramBuilder, Scenario, Diagram], System]
 _PLANNERS: dict[type[PlannerConfig], AddPlanner] = {
     PickAndPlace: functools.partial(AddLocalizingPlanner, make_planner=MakePlanner),
@@ -303,10 +308,10 @@ def register_planner(config: type[PlannerConfig], add: AddPlanner) -> None:
 
     Args:
         config: Class of its configuration; the class name is its tag.
-        add: Adds the planner to a cell: the diagram's builder, the scenario and the
-            station, which is in the diagram, go in, and the planner comes back. It
-            connects the planner's inputs; the cell connects the outputs, which are
-            those of `PickAndPlacePlanner`.
+        add: Adds the planner to a cell and connects its inputs. It takes the diagram's
+            builder, the scenario and the station, which is in the diagram already, and
+            returns the planner. The cell connects the outputs, which must be those of
+            `PickAndPlacePlanner`.
     """
     accept_planner(config)
     _PLANNERS[config] = add
@@ -316,7 +321,7 @@ def _adder(config: PlannerConfig) -> AddPlanner:
     """Return the function that adds the planner of a configuration or its base class.
 
     Raises:
-        ScenarioError: If there is none.
+        ScenarioError: If no such function is registered.
     """
     for kind in type(config).__mro__:
         if kind in _PLANNERS:
@@ -344,7 +349,7 @@ def AddDisturber(
         config = scenario.objects[name]
         if config.present:
             body = object_body(plant, plant.GetModelInstanceByName(name))
-            # A copy, because the plant's own would keep its diagram alive.
+            # A copy, because the plant's own object would keep the diagram alive.
             inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
             target = Target(name, body, inertia, simple_shape(name, config))
             disturbances.append((disturbance, target))
@@ -367,9 +372,10 @@ def AddDisturber(
 def ConnectPlanner(
     builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
-    """Connect one arm's planner, with ports of `PickAndPlacePlanner`, to the others.
+    """Connect one arm's planner to a station and a localizer.
 
-    Of the measurements, only those that the planner has an input for are connected.
+    The planner has ports of `PickAndPlacePlanner`. Measurements are connected only if
+    it has an input for them.
 
     Args:
         builder: Builder of the diagram that contains all three.
@@ -413,7 +419,7 @@ def ConnectCommands(
     """Connect a planner's commands to a station.
 
     Raises:
-        ScenarioError: If a gripper waits for messages, and the planner sends none.
+        ScenarioError: If a gripper counts messages, but the planner has no such port.
     """
     for source, target in command_ports(arms):
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))

@@ -62,17 +62,18 @@ from drake_srg.station.perception import (
 from drake_srg.station.planners import MakeHand, own_scene
 from drake_srg.types import Vector
 
-# Height of the fingers' ends above the table where the arm's reach counts [m].
+# Height of the fingertips above the table at which the arm's reach is computed [m].
 _TIPS = 0.02
 _ANY_YAW = tuple(np.linspace(-np.pi, np.pi, 8, endpoint=False))
-# Height of the palm above the bin's rim before the hand goes down to let go [m].
+# Height of the palm above the bin's rim before the hand descends to release a load [m].
 _OVER = 0.44
 
 
 def without_cut_corners(scenario: Scenario) -> Scenario:
     """Return a scenario whose arm rests between any two motions.
 
-    A motion that begins late would not begin where the one before has ended at speed.
+    Otherwise, the arm is still moving when one motion ends, so the next must not begin
+    late.
     """
     planner = dc.replace(scenario.planner, cut_corners=False)
     return dc.replace(scenario, planner=planner)
@@ -83,11 +84,10 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
 
     Raises:
         ScenarioError: If the gripper does not pinch from above, the arm does not reach
-            over a bin, or a bin has no collision geometry or is no bin.
+            over a bin, or a bin has no collision geometry or is too low.
     """
-    if (
-        robot_arms(scenario)[0].safety is not None
-    ):  # the monitor may slow or stop the arm at any time
+    # A safety monitor may slow or stop the arm at any time.
+    if robot_arms(scenario)[0].safety is not None:
         scenario = without_cut_corners(scenario)
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
@@ -112,7 +112,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             config,
             q_aside,
         )
-    else:  # then nothing needs to stay where it is, and heaps may be pushed
+    else:  # nothing needs to stay where it is, so heaps may be pushed
         pushes = PushMotions(
             scene,
             Moves(scene, hand.p_GT, config),
@@ -128,14 +128,14 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
 
 
 def shares_of(scenario: Scenario) -> dict[str, tuple[Scenario, Frontier | None]]:
-    """Return the share of work of each of one or two arms, and its side, by name.
+    """Return the share of work and the side of each of one or two arms, by name.
 
     An arm's share is a scenario with this arm alone, the bin and the cameras on its
-    side, and all objects. One arm does everything, and both sides are its own.
+    side, and all objects. A single arm gets the whole scenario, and None as its side.
 
     Raises:
-        ScenarioError: If a side has no camera, or not one bin at least `SIDE` behind
-            the plane between the arms.
+        ScenarioError: If a side has no camera, or does not have exactly one bin, at
+            least `SIDE` from the plane between the arms.
     """
     arms, boxes = robot_arms(scenario), bin_boxes(scenario)
     if len(arms) == 1:
@@ -211,8 +211,8 @@ def MakeClearingPair(scenario: Scenario) -> Diagram:
         - mode
         - status
 
-    ARM stands for the name of each arm. The planners of two arms are `SharingPlanner`s;
-    `mode` and `status` are those of both, see `JointStatus`.
+    ARM stands for the name of each arm. The planners of two arms are `SharingPlanner`s.
+    `mode` and `status` describe both arms; see `JointStatus`.
 
     Raises:
         ScenarioError: As `shares_of` and `MakeClearingPlanner` do, or if an arm's home
@@ -280,11 +280,11 @@ def _MakeSharingPlanner(
 
 
 def MakeReach(scenario: Scenario) -> Reach:
-    """Return the region in which a hand can point down with its tips on the table.
+    """Return the region in which the hand reaches the table, pointing down.
 
     Raises:
-        ScenarioError: As `MakeClearingPlanner` does, or if the hand cannot in the
-            middle of `task.clear.region`.
+        ScenarioError: As `MakeClearingPlanner` does, or if the hand does not reach the
+            table in the middle of `task.clear.region`.
     """
     scene = own_scene(scenario)
     hand, fingers = _pinching_hand(scene, scenario)
@@ -375,7 +375,7 @@ def _motions_to(
     scenario: Scenario,
     wall: Wall | None = None,
 ) -> BinMotions:
-    """Return the motions into a bin between two corners of `box` [m].
+    """Return the motions into a bin, whose least and greatest corner are `box` [m].
 
     Raises:
         ScenarioError: If the arm does not reach over the bin.
@@ -384,7 +384,8 @@ def _motions_to(
     size = (high - low)[:2]
     q_home = _home(scenario)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
-    # Long loads lie across the direction of closing: along the bin, if the arm can.
+    # Long loads are held across the closing direction, and so lie along the bin, if the
+    # arm reaches that posture.
     along = 0.0 if size[0] < size[1] else 0.5 * np.pi
     try:
         q_over = _posture_over(scene, q_home, p_WO, [along, along + np.pi], _ANY_YAW)
@@ -416,21 +417,21 @@ def _posture_over(
         scene: The arm, and what stands around it.
         q_home: The arm's home, shape (N,) [rad].
         p_WO: Position of the palm, shape (3,) [m].
-        *yaws: Directions in which the fingers may close, from the world's x [rad];
-            later ones only where the arm cannot do any of the earlier ones.
+        *yaws: Groups of directions in which the fingers may close, from the world's x
+            [rad]. A group counts only if the arm reaches none of the earlier ones.
 
     Raises:
-        ScenarioError: If there is none.
+        ScenarioError: If there is no such posture.
     """
     scene.SetFingers({})
-    for some in yaws:
+    for group in yaws:
         found = [
             solve_inverse_kinematics(
                 scene,
                 HandTarget.from_pose(palm_pose(p_WO, yaw)),
                 q_nominal=q_home,
             )
-            for yaw in some
+            for yaw in group
         ]
         solved = [ik for ik in found if isinstance(ik, IkSolution)]
         if solved:

@@ -28,14 +28,14 @@ def read_grasp(station: Diagram, root: Context, name: str) -> HeldGrasp:
     """Return the hand's present contacts with an object.
 
     Args:
-        station: With the ports of `MakeStation`'s.
+        station: A station with the ports of `MakeStation`'s.
         root: Context of the diagram that is simulated.
         name: Name of the object's model; its first body is the object.
     """
     plant = station.GetSubsystemByName("plant")
     context = plant.GetMyContextFromRoot(root)
     scene_graph = station.GetSubsystemByName("scene_graph")
-    # Shapes and friction of the context, which an episode may have replaced.
+    # The context's shapes and friction: an episode may have replaced the model's.
     query = scene_graph.get_query_output_port()
     inspector = query.Eval(scene_graph.GetMyContextFromRoot(root)).inspector()
 

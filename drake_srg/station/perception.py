@@ -31,8 +31,8 @@ from drake_srg.vision.obstacles import ObstacleFinder
 from drake_srg.vision.surfaces import CameraLeveling, Surface
 from drake_srg.vision.thing_labeler import ALL, KnownThing, ThingLabeler
 
-# A goal whose height differs from the table's by no more than this is a recess of the
-# table or a mat on it, not a surface of its own [m].
+# A goal whose height differs from the table's by at most this is a recess in the table
+# or a mat on it, not a surface of its own [m].
 _RECESS = 0.01
 
 
@@ -42,8 +42,9 @@ def AddLocalizer(
     """Add the localizer of a scenario and connect it to the station's cameras.
 
     Raises:
-        ScenarioError: If it knows none of the objects, if two look alike, if a range of
-            colours is invalid, or if the thesis's localizer has more than one camera.
+        ScenarioError: If the localizer knows none of the objects, two look alike, a
+            range of colours is invalid, or the thesis's localizer has more than one
+            camera.
     """
     cameras, config = camera_models(scenario), scenario.localizer
     if config.thesis is not None:
@@ -71,7 +72,7 @@ def AddLocalizer(
 def _thesis_localizer(
     scenario: Scenario, config: ThesisBlobConfig
 ) -> ThesisBlobLocalizer:
-    """Return the localizer of the arm's thesis, which has one camera."""
+    """Return the localizer of the five-axis arm's thesis, for one camera."""
     cameras = camera_models(scenario)
     if len(cameras) != 1:
         raise ScenarioError(
@@ -87,7 +88,7 @@ def _ConnectCameras(
 ) -> None:
     """Connect a system's inputs `CAMERA.PORT` to the cameras of a station.
 
-    With `level`, poses are those that a `CameraLeveling` has corrected.
+    With `level`, the poses come from each camera's `CameraLeveling`.
     """
     for name, port in input_ports(system).items():
         camera, of_camera, what = name.partition(".")
@@ -128,7 +129,7 @@ def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
 
 
 def destination_camera_models(scenario: Scenario) -> dict[str, CameraModel]:
-    """Return the models of all cameras that see the destinations of loads."""
+    """Return the models of all cameras that look at the destinations of loads."""
     return _models(scenario, perception_cameras(scenario))
 
 
@@ -141,7 +142,7 @@ def _models(scenario: Scenario, names: Iterable[str]) -> dict[str, CameraModel]:
 
 
 def _surfaces(scenario: Scenario) -> list[Surface]:
-    """Return the surfaces for obstacles: around the objects' region and the goal."""
+    """Return the surfaces with possible obstacles: around objects' region and goal."""
     task, table = scenario.task, scenario.table
     low = np.maximum(np.array(task.region.min) - task.spacing, table.min)
     high = np.minimum(np.array(task.region.max) + task.spacing, table.max)
@@ -171,8 +172,8 @@ def blob_targets(scenario: Scenario) -> list[BlobTarget]:
     """Return the objects that a scenario's localizer looks for.
 
     Raises:
-        ScenarioError: If there are none, if two look alike, or if a range of colours is
-            invalid.
+        ScenarioError: If there are no such objects, two look alike, or a range of
+            colours is invalid.
     """
     targets: list[BlobTarget] = []
     for name, config in scenario.objects.items():
@@ -204,7 +205,7 @@ def _color_range(config: ObjectConfig) -> ColorRange:
     return ColorRange(
         (lower[0], lower[1], lower[2]),
         (upper[0], upper[1], upper[2]),
-        config.color_range.space,  # type: ignore[arg-type] # it checks that itself
+        config.color_range.space,  # type: ignore[arg-type] # ColorRange checks it
     )
 
 
@@ -218,7 +219,7 @@ class Label:
     Attributes:
         name: Name of an object or a colour, or `all`.
         bin: Name of the bin's model, or `ROW`.
-        named: Whether it is the name of an object.
+        named: Whether `name` is that of an object.
     """
 
     name: str
@@ -256,7 +257,10 @@ def row_places(scenario: Scenario) -> dict[str, Vector]:
 
 
 def needs_labels(scenario: Scenario) -> bool:
-    """Return whether the planner must tell things apart: some stay, or bins differ."""
+    """Return whether the planner must tell things apart.
+
+    It must if some things stay on the table, or their bins differ.
+    """
     return [label.name for label in labels(scenario)] != [ALL]
 
 
@@ -332,7 +336,7 @@ def AddThingLabeler(
     return labeled
 
 
-# A bin's rim is at least that high above the table [m].
+# Least height of a bin's rim above the table [m].
 _LEAST_RIM = 0.02
 
 
@@ -353,16 +357,17 @@ def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
         rise = boxes[name][1][2] - scenario.table.height
         if rise < _LEAST_RIM:
             raise ScenarioError(
-                f"{bin_key(scenario, name)}: {name!r} is no bin: it must rise at least "
-                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+                f"{bin_key(scenario, name)}: {name!r} is too low: a bin must rise at "
+                f"least {_LEAST_RIM} m above the table, got {rise:.3f} m"
             )
     return boxes
 
 
 def bin_floor(scenario: Scenario, name: str) -> float:
-    """Return the world z below the middle of a bin's opening, or higher [m].
+    """Return an upper bound of the world z of a bin's floor [m].
 
-    It is measured as the distance of the nearest wall or floor.
+    It is the centre of the bin's opening, lowered by its distance to the nearest wall
+    or floor.
     """
     low, high = _fixed_box(Models.of(scenario), name)
     p_W = np.array([*(0.5 * (low + high))[:2], high[2]])
@@ -375,13 +380,13 @@ def bin_key(scenario: Scenario, name: str) -> str:
 
 
 def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
-    """Return the least and greatest corner of the arm's stand, (3,) [m]."""
+    """Return the least and greatest corner of the arm's fixed part, (3,) [m]."""
     return _fixed_box(Models.of(scenario), robot_arms(scenario)[0].arm_model)
 
 
 @functools.lru_cache(maxsize=4)
 def _distance(models: Models, name: str, p_W: tuple[float, ...]) -> float:
-    """Return the distance of a point from a model, 0 where none is known [m]."""
+    """Return the distance of a point from a model, or 0 if Drake computes none [m]."""
     diagram, plant, scene_graph = _built(models)
     context = scene_graph.GetMyContextFromRoot(diagram.CreateDefaultContext())
     query = scene_graph.get_query_output_port().Eval(context)
@@ -396,7 +401,7 @@ def _distance(models: Models, name: str, p_W: tuple[float, ...]) -> float:
 
 @functools.lru_cache(maxsize=4)
 def _fixed_box(models: Models, name: str) -> tuple[Vector, Vector]:
-    """Return the corners of those bodies of a model that cannot move."""
+    """Return the least and greatest corner of a model's fixed bodies, (3,) [m]."""
     diagram, plant, scene_graph = _built(models)
     context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
     inspector = scene_graph.model_inspector()
@@ -421,11 +426,13 @@ def _built(models: Models) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
     return builder.Build(), plant, scene_graph
 
 
-# The map leaves out the bin and as much around it, for errors of the map [m].
+# The map of the table leaves out each bin with a margin for errors of the map [m],
+# the arm's foot and a row's places, with these margins.
 _AROUND_BIN = 0.006
-_AROUND_FOOT = 0.05  # and this much around the foot of the arm [m]
-_AROUND_ROW = 0.08  # and this much around the middles of a row [m]
-# A hand beside a bin hides the bin only where it is this much higher than the rim [m].
+_AROUND_FOOT = 0.05
+_AROUND_ROW = 0.08
+# The map of destinations drops things over its edge only if they are this much higher
+# than the rims of the bins [m].
 _ABOVE_RIM = 0.03
 
 
@@ -444,7 +451,8 @@ def AddHeightMapper(
         for corner, opposite, around in taken
     ]
     region = _surface(scenario, np.array(clear.region.min), np.array(clear.region.max))
-    # The planner looks with the arm out of the way.
+    # The planner looks only with the arm out of the way, so things may reach over the
+    # map's edge.
     mapper = HeightMapper(
         camera_models(scenario), region, ignored=ignored, over_edge=True
     )
@@ -472,8 +480,9 @@ def AddDestinationMapper(
 def destination_map_limits(scenario: Scenario) -> tuple[float, bool]:
     """Return `thing` [m] and `over_edge` of the map of the loads' destinations.
 
-    With them, an arm beside a bin hides nothing inside: what reaches over the map's
-    edge that high is the arm at the next thing.
+    With bins, a region over the map's edge becomes unknown only if it is much higher
+    than the rims: it is then the arm at the next thing. So an arm beside a bin hides
+    nothing inside.
     """
     if rims := [high[2] for _, high in bin_boxes(scenario).values()]:
         return float(max(rims)) + _ABOVE_RIM - scenario.table.height, False

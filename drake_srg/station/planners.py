@@ -1,8 +1,8 @@
 """The planners of a scenario, their models of hands, and their goals.
 
-Gripper drivers know nothing of planning, so the `Hand` of each is made here, from the
-driver's configuration. `register_gripper` is the one place where a gripper driver of
-your own becomes known: to scenario files by its tag, and to the planner.
+Gripper drivers know nothing about planning, so this module makes the `Hand` of each,
+from the driver's configuration. Register a gripper driver of your own with
+`register_gripper`, for scenario files and for the planner.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
 def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform:
     """Return the pose at which the object must be at the end of a run, X_WO [m].
 
-    A script keeps the object's height and orientation, and the planner the orientation
-    of one that is no simple shape. After an even number of the planner's cycles, the
-    object is back at its start, upright if its shape is simple.
+    With a script, the object keeps its height and orientation. With a planner, only an
+    object without a simple shape keeps its orientation; others stand upright. After an
+    even number of cycles, the object is back at its start.
 
     Args:
         scenario: The scenario of the run.
@@ -112,7 +112,7 @@ def final_tilt(
     shape = simple_shape(pick, scenario.objects[pick])
     if isinstance(shape, Sphere):
         return None
-    if shape is None:  # it may be turned about the vertical, also where it lies
+    if shape is None:  # turns about the vertical do not count
         up_O, up_O_end = (X.rotation().matrix()[2] for X in (X_WO_start, X_WO))
         sine = float(np.linalg.norm(np.cross(up_O, up_O_end)))
         return float(np.arctan2(sine, up_O @ up_O_end))
@@ -125,7 +125,8 @@ def final_tilt(
 
 
 # Makes a Hand from a driver's configuration, the planner's, and a finalized plant of
-# the scenario's models with the model instance `gripper`. The plant may not live on.
+# the scenario's models with the model instance `gripper`. The Hand must not keep the
+# plant or references into it.
 HandMaker = Callable[[Any, PlannerConfig, MultibodyPlant], Hand]
 
 
@@ -136,8 +137,8 @@ def register_gripper(
 
     Args:
         driver: Class of its configuration; the class name is its tag.
-        make_hand: Makes what the planner knows of the gripper. None: as for the class
-            that `driver` derives from, if there is a Hand for that.
+        make_hand: Makes the planner's model of the gripper. With None, it is that of
+            the class from which `driver` derives, if there is one.
     """
     accept_driver(driver)
     if make_hand is not None:
@@ -195,7 +196,7 @@ def _linkage_hand(
     def p_GF(name: str) -> Vector:
         frame = plant.GetFrameByName(name, gripper)
         X_GF = frame.GetFixedPoseInBodyFrame()
-        return np.array(X_GF.translation())  # a copy: the plant may not live on
+        return np.array(X_GF.translation())  # a copy, independent of the plant
 
     def calibrated(name: str, otherwise: Vector) -> Vector:
         return p_GF(name) if plant.HasFrameNamed(name, gripper) else otherwise
@@ -262,8 +263,8 @@ def pick_task(scenario: Scenario) -> PickTask:
 def MakeScriptedPlanner(scenario: Scenario) -> System:
     """Make the planner that plays a scenario's script, `task.repeat` times.
 
-    It is a `ScriptedPlanner`. If the script is of messages, it is a diagram of one
-    with an `arm_reference` that makes motion of the arm's targets.
+    It is a `ScriptedPlanner`. If the script consists of messages, it is a diagram of a
+    `ScriptedPlanner` and an `arm_reference`, which turns the arm's targets into motion.
     """
     assert scenario.arm is not None
     home = np.array(scenario.arm.home)
@@ -336,7 +337,7 @@ def _planning_scene(
     hand_margin: float,
     payload: float,
 ) -> PlanningScene:
-    """Return the planner's model. Use copies of it only: it is cached."""
+    """Return the planner's model. It is cached, so use only copies."""
     builder = RobotDiagramBuilder(time_step=0.0)
     models.add_to(builder.plant())
     arm, gripper = names
@@ -403,8 +404,8 @@ def MakeCarryPlanner(scenario: Scenario) -> CarryPlanner:
         if any(not wall.grasps(plan.hand) for wall in walls):
             thick = 1e3 * walls[0].box.size[0]
             raise ScenarioError(
-                f"{arm.key}gripper: knows no grasp from above of an end wall of "
-                f"objects.{name}, {thick:g} mm thick"
+                f"{arm.key}gripper: cannot grasp an end wall of objects.{name}, "
+                f"{thick:g} mm thick, from above"
             )
     narrow = float(min(shape.bounding_size[:2]))
     most = hand.pinch.max_width if hand.pinch else 0.0

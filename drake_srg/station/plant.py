@@ -1,7 +1,8 @@
-"""A scenario's plant: objects, the cards that hide them, and checks beforehand.
+"""A scenario's plant: models, objects, cards that hide them, and checks of constraints.
 
-Drake refuses some of them in the first step, logs a warning for some, and silently
-ignores others. This module reports all of them before the plant is built.
+Some constraints of models are not supported by every solver. Drake refuses some of
+these in the first step, logs a warning for others, and silently ignores the rest.
+`check_constraints` reports all of them before the plant is built.
 """
 
 from __future__ import annotations
@@ -78,15 +79,15 @@ class Drops:
     def X_WO_start(
         self, name: str, config: ObjectConfig, X_WO: RigidTransform
     ) -> RigidTransform:
-        """Return where an object starts.
+        """Return the pose at which an object starts.
 
-        The box around it clears the table and those of falling objects before it. It
-        may overlap objects that stand on the table.
+        The box around the object clears the table and the boxes of earlier falling
+        objects. It may overlap objects that stand on the table.
 
         Args:
             name: The object's name, for error messages.
             config: The object, with `drop`.
-            X_WO: Its pose [m]; the height does not count.
+            X_WO: Its pose [m]; the height is ignored.
 
         Raises:
             ScenarioError: If its model cannot be read.
@@ -110,8 +111,8 @@ class Drops:
         return RigidTransform(X_WO.rotation(), X_WO.translation() + rise)
 
 
-# Distance from the camera to the card, over that to the object. The card is so near
-# the camera that an arm on the table does not reach it.
+# Distance from the camera to the card, over that to the object. This is near enough to
+# the camera that an arm on the table does not touch the card.
 _SHARE_OF_DISTANCE = 0.3
 _GREY = [0.35, 0.35, 0.35, 1.0]
 
@@ -119,17 +120,18 @@ _GREY = [0.35, 0.35, 0.35, 1.0]
 def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) -> None:
     """Add a card that hides part of an object, before the plant is finalized.
 
-    The card can be seen, not touched.
+    The card can be seen but not touched.
 
     Args:
         plant: A plant registered with a scene graph.
-        scenario: The card hides the object from its localizer's first camera.
+        scenario: The scenario. The card hides the object from the localizer's first
+            camera.
         name: An object with an `occlusion`.
         p_WO: Position of the object in world [m], shape (3,).
 
     Raises:
         ScenarioError: If the localizer's first camera is not fixed in world, or the
-            object is not of one simple shape.
+            object does not have a simple shape.
     """
     config = scenario.objects[name].occlusion
     key = f"objects.{name}.occlusion"
@@ -147,7 +149,7 @@ def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) 
     sight = _SHARE_OF_DISTANCE * (p_WO - p_WC)
     R_WCard = _facing(sight, config.direction)
     radius = _SHARE_OF_DISTANCE * _half_width(scenario, name)  # projected onto the card
-    side = 2.4 * radius  # wide enough to hide all of it
+    side = 2.4 * radius  # wide enough to hide the whole object
     aside = radius * (1.0 - 2.0 * config.share) + 0.5 * side
     X_WCard = RigidTransform(R_WCard, p_WC + sight + aside * R_WCard.matrix()[:, 0])
     plant.RegisterVisualGeometry(
@@ -187,7 +189,8 @@ def check_constraints(scenario: Scenario) -> None:
     """Check that the scenario's solver supports all constraints of its models.
 
     Raises:
-        ScenarioError: If it does not. Names the model, the solver and what is allowed.
+        ScenarioError: If it does not. The message names the model, the solver and the
+            alternatives.
     """
     for model, path in model_files(scenario):
         text = re.sub("<!--.*?-->", "", path.read_text("utf-8"), flags=re.DOTALL)
@@ -281,18 +284,18 @@ def _with_includes(url: str, packages: PackageMap) -> Iterator[Path]:
 _LID = "package://drake_srg/sdf/lid.sdf"
 
 
-# Below any floor, measured from the table's top, and larger than anything slides [m].
+# Depth below the table's top, deeper than any floor, and size of the catch floor, more
+# than anything slides [m].
 _CATCH_DEPTH, _CATCH_SIDE = 5.0, 10_000.0
 
 
 def AddCatchFloor(plant: MultibodyPlant, scenario: Scenario) -> None:
     """Add an invisible floor far below, before the plant is finalized.
 
-    Objects that leave the cell would otherwise fall for ever, until numbers overflow.
+    Otherwise, objects that leave the cell would fall until numbers overflow.
     """
     properties = ProximityProperties()
-    # Soft and damped: an object that arrives at 10 m/s rebounds at 1 cm/s at
-    # most.
+    # Soft and damped: an object that arrives at 10 m/s rebounds at 1 cm/s at most.
     AddCompliantHydroelasticProperties(_CATCH_SIDE, 1e5, properties)
     AddContactMaterial(
         dissipation=100.0, friction=CoulombFriction(1.0, 1.0), properties=properties
@@ -314,9 +317,9 @@ def AddPlant(
     """Add the finalized plant with all models of a scenario to a diagram.
 
     Args:
-        builder: The diagram's.
+        builder: The diagram's builder.
         scenario: The scenario.
-        catch: Whether to add a floor far below for what leaves the cell.
+        catch: Whether to add a floor far below that catches objects.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -354,10 +357,10 @@ def AddPlant(
 
 
 def _check_models(plant: MultibodyPlant, robot: RobotArm) -> None:
-    """Check that the models of each of several arms exist.
+    """Check that the models of one of several arms exist.
 
     Raises:
-        ScenarioError: If it lacks one.
+        ScenarioError: If a model is missing.
     """
     for key, model, config in (
         ("arm", robot.arm_model, robot.arm),
@@ -370,10 +373,10 @@ def _check_models(plant: MultibodyPlant, robot: RobotArm) -> None:
 
 
 def check_driven(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Check that every model with motors has a driver: it would go limp.
+    """Check that every model with motors has a driver; without one, it would go limp.
 
     Raises:
-        ScenarioError: If nothing does.
+        ScenarioError: If a model has none.
     """
     driven = set(scenario.slides)
     for robot in robot_arms(scenario):
@@ -431,9 +434,9 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 @dc.dataclass(frozen=True)
 class Models:
-    """A scenario's directives, as the key of caches of plants made from them alone."""
+    """A scenario's directives, as a cache key for plants made from directives alone."""
 
-    directives: str  # YAML; includes those of other files
+    directives: str  # YAML; included files are replaced by their contents
     changed: tuple[int, ...]  # times at which the models' files were changed [ns]
 
     @classmethod
@@ -464,8 +467,8 @@ class Models:
 def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
     """Return a finalized plant of a scenario's models, without objects and geometry.
 
-    It serves kinematics and gravity. Do not change it: all callers share it as long as
-    the files stay the same, because Drake needs 20 ms to read even a small model.
+    It serves kinematics and gravity. Do not change it: as long as the files stay the
+    same, all callers share it, because Drake needs 20 ms to read even a small model.
 
     Raises:
         ScenarioError: If a directive cannot be processed.

@@ -44,12 +44,12 @@ from drake_srg.vision.camera_errors import X_BE_believed
 
 @dc.dataclass(frozen=True)
 class CameraMount:
-    """Pose of the camera's colour imager in the hand.
+    """Mounting of the servo's camera in the hand, and its intrinsics.
 
     Attributes:
-        X_GC: Truly [m].
-        X_GC_believed: As calibrated [m].
-        model: The camera's intrinsics, as calibrated.
+        X_GC: True pose of the colour imager [m].
+        X_GC_believed: Calibrated pose of the colour imager [m].
+        model: The camera's calibrated intrinsics.
     """
 
     X_GC: RigidTransform
@@ -61,7 +61,7 @@ class CameraMount:
         """Return the mount of the servo's camera.
 
         Args:
-            scenario: With a visual servo.
+            scenario: A scenario with a visual servo.
             plant: Plant of the scenario's models.
 
         Raises:
@@ -182,11 +182,11 @@ def _rendered(shown: _Shown) -> FeatureSighting:
     return seen
 
 
-_AHEAD = np.array([1.0, 0.0, 0.0])  # of the palm: where the fingers point
+_AHEAD = np.array([1.0, 0.0, 0.0])  # direction of the fingers, in the palm's frame
 
 
 def MakeServoingPlanner(scenario: Scenario) -> Diagram:
-    """Make the planner of a scenario with a visual servo, together with its servo.
+    """Make the planner and the servo of a scenario with a visual servo.
 
     .. pydrake_system::
 
@@ -209,11 +209,11 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
         - status
 
     The subsystems are `planner`, `servo` and `tracker`, a `SurfaceTracker` (pbvs) or a
-    `SilhouetteTracker` (ibvs). `position_commanded` is the servo's.
+    `SilhouetteTracker` (ibvs). `position_commanded` comes from the servo.
 
     Raises:
-        ScenarioError: If the planner's hand knows no grasp of the object or more than
-            one, or if the camera is not fixed to the hand.
+        ScenarioError: If the planner's hand does not know exactly one grasp of the
+            object, or if the camera is not fixed to the hand.
     """
     config = servo_of(scenario)
     assert config is not None
@@ -256,7 +256,7 @@ def MakeServoTaskPlanner(scenario: Scenario) -> ServoingPlanner:
 def ConnectHandCamera(
     builder: DiagramBuilder, station: Diagram, planner: System
 ) -> None:
-    """Connect a station's images to the planner's inputs for them."""
+    """Connect a station's images to the planner's inputs of the same names."""
     for name, port in output_ports(station).items():
         target = name.removeprefix("camera_")
         if target != name and planner.HasInputPort(target):
@@ -271,7 +271,7 @@ class _Goal:
     mount: CameraMount
     grasp: Grasp
     target: BlobTarget
-    X_CO: RigidTransform  # in the camera, as far as the servo knows
+    X_CO: RigidTransform  # the object in the camera, by the servo's calibration
 
     @classmethod
     def of(cls, scenario: Scenario) -> _Goal:
@@ -329,7 +329,7 @@ def MakeTracker(scenario: Scenario) -> Tracker:
 
 
 def _grasp(scenario: Scenario, plant: MultibodyPlant) -> Grasp:
-    """Return the only grasp of the object that the hand may use."""
+    """Return the one grasp of the object that the hand knows."""
     name = scenario.task.pick
     shape = object_shape(name, scenario.objects[name])
     grasps = MakeHand(scenario, plant).grasps(shape, RigidTransform())

@@ -1,12 +1,13 @@
-"""Puts objects to sleep that rest while nothing is near them.
+"""Sleep of objects that rest while nothing is near them.
 
-A sleeping object is locked in its place (`RigidBody.Lock`), and its contact with what
-rests as well is left out. Both are parameters of plant and scene graph, which no system
-may change while the simulation advances. So they change between two calls of
-`AdvanceTo`, at multiples of `sleeping.period`, whatever the caller's steps are.
+A sleeping object is locked in its place (`RigidBody.Lock`), and its contacts with other
+sleeping objects and with the fixed world are left out. Both are parameters of plant and
+scene graph, which no system may change while the simulation advances. So they change
+between two calls of `AdvanceTo`, at multiples of `sleeping.period`, whatever the
+caller's steps are.
 
-Which objects are locked and which contacts are left out is in the Context alone, so
-`MakeAdvance` can take over a simulation that another one has advanced.
+The Context alone holds the locked objects and the omitted contacts. So a function from
+`MakeAdvance` can continue a simulation that another one has advanced.
 """
 
 from __future__ import annotations
@@ -68,18 +69,18 @@ class SleepMonitor(LeafSystem):
         output_ports:
         - objects_asleep
 
-    The first two inputs are the plant's outputs, `applied_forces` is its input
-    (list[ExternallyAppliedSpatialForce]). `objects_asleep` (frozenset[str]) holds the
-    names of the objects that sleep.
+    The first two inputs are outputs of the plant. `applied_forces` is what the plant
+    gets as its input (list[ExternallyAppliedSpatialForce]). `objects_asleep`
+    (frozenset[str]) holds the names of the objects that sleep.
 
     An object sleeps if it has been slower than `config.speed` and free of applied
-    forces for `config.after`, and nothing that is awake is or comes near. That is a
-    body within `config.margin`, plus the distance that it moves in `config.period`.
-    Every body that is not fixed to the world counts as awake, save the objects that
-    sleep. So objects that touch each other fall asleep together, and wake together.
+    forces for `config.after`, and no body that is awake is near. A body is near if it
+    is within `config.margin` plus the distance that it moves in `config.period`. Every
+    body that is not fixed to the world counts as awake, except sleeping objects. So
+    objects that touch each other fall asleep together, and wake together.
 
     Distances are between the boxes around the bodies' collision geometry. They are
-    never longer than the true ones, so an object may wake early, never late.
+    never longer than the true distances, so an object may wake early, but never late.
 
     Args:
         plant: The finalized plant.
@@ -98,7 +99,7 @@ class SleepMonitor(LeafSystem):
         super().__init__()
         self.config = config
         self.object_names = list(objects)
-        # Objects come first, then all others that move and can be touched.
+        # Objects come first, then all other bodies that move and can be touched.
         others = [
             index
             for index in map(BodyIndex, range(plant.num_bodies()))
@@ -107,7 +108,7 @@ class SleepMonitor(LeafSystem):
             and plant.GetCollisionGeometriesForBody(plant.get_body(index))
         ]
         self._bodies = [int(index) for index in (*objects.values(), *others)]
-        # An object that nothing can touch counts as its origin.
+        # An object without collision geometry is represented by its origin.
         corners = [
             body_corners(plant, inspector, plant.get_body(BodyIndex(i)))
             for i in self._bodies
@@ -126,7 +127,7 @@ class SleepMonitor(LeafSystem):
         ):
             self.DeclareAbstractInputPort(name, AbstractValue.Make(value))
         self.filter = int(self.DeclareAbstractParameter(AbstractValue.Make(_Filter())))
-        # The time at which each object was last stirred [s].
+        # The time at which each object last moved or was pushed [s].
         self.DeclareDiscreteState(np.zeros(len(objects)))
         self.DeclareAbstractOutputPort(
             name="objects_asleep",
@@ -191,7 +192,7 @@ class SleepMonitor(LeafSystem):
 
 
 def box_gaps(p: Vector, R: Vector, halves: Vector, count: int) -> Vector:
-    """Return lower bounds of the distances of the first `count` boxes from all boxes.
+    """Return lower bounds of the distances between the first `count` boxes and all.
 
     The bound is the largest gap along the axes of either box. A box counts as
     infinitely far from itself.
@@ -225,7 +226,7 @@ def AddSleepMonitor(
 ) -> None:
     """Add `sleep_monitor` to a station that exports the input `object_forces_cheat`.
 
-    All rigid objects may sleep, save those to be disturbed.
+    All rigid objects may sleep, except those with a disturbance.
     """
     disturbed = {d.object or scenario.task.pick for d in scenario.disturbances}
     bodies = {
@@ -253,7 +254,7 @@ def MakeAdvance(simulator: Simulator, system: Diagram, scenario: Scenario) -> Ad
     Args:
         simulator: Simulator of a diagram that contains `system`.
         system: A station, or a diagram with a subsystem `station`.
-        scenario: The scenario that they were made from.
+        scenario: The scenario of `system`.
 
     Raises:
         ScenarioError: If objects may sleep, but `MakeStation` did not make the station.

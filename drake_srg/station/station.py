@@ -1,4 +1,4 @@
-"""The station: plant, sensors and drivers behind the ports of the hardware."""
+"""The station: plant, sensors and drivers, with the same ports as the hardware."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from drake_srg.station.sleeping import AddSleepMonitor
 # Ports of a gripper driver that connect to the plant and are not exported.
 _INTERNAL = {*PLANT_INPUTS, "actuation", "desired_state"}
 
-# Those inputs of the safety monitor that are exported as `safety.NAME`.
+# Inputs of the safety monitor that are exported as `safety.NAME`.
 _SAFETY_INPUTS = ("estop", "release", "speed_override", "heartbeat")
 
 
@@ -55,7 +55,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         output_ports:
         - arm.state_measured (with an arm)
         - arm.torque_measured (with an arm)
-        - arm.external_torque (with limits of it in planner or safety)
+        - arm.external_torque (if planner or safety limits it)
         - arm.position_allowed (with safety)
         - arm.position_held (with safety)
         - safety.state (with safety)
@@ -79,20 +79,21 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - hole_force_cheat (with the planner !Insert)
         - objects_asleep_cheat (with sleeping)
 
-    The ports of the arm, the gripper and the cameras exist where the scenario has them.
-    With `arms`, those of the arm NAME are called `NAME.` in place of `arm.`,
+    Ports of the arm, the gripper and the cameras exist only if the scenario has them.
+    With `arms`, the ports of the arm NAME begin with `NAME.` in place of `arm.`,
     `NAME.gripper.` in place of `gripper.`, and `NAME.safety.` in place of `safety.`.
-    `AddArmDriver`, `SrgPositionDriver`, `SrgTendonDriver`, `LinkageDriver` and Drake's
-    RgbdSensor describe what they carry. A gripper driver
-    or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
-    through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`,
-    a `SafetyMonitor` stands between `arm.position_commanded` and the arm's driver,
-    which gets `arm.position_allowed`. The subsystems
-    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver` (with `arms`,
-    `NAME_arm_driver` and so on), `rgbd_sensor_NAME`, `object_poses`, with slides
-    `slide_NAME`, with safety `safety_monitor` and, with sleeping, `sleep_monitor`.
-    Objects sleep where the caller advances with `station.sleeping.MakeAdvance`, as
-    `Simulate`, `Rig` and `Serve` do.
+    For the ports' values, see `AddArmDriver`, `SrgPositionDriver`, `SrgTendonDriver`,
+    `LinkageDriver` and Drake's RgbdSensor. A gripper driver or finger sensor of your
+    own adds its ports as `gripper.NAME`. Disturbances enter through
+    `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`, a
+    `SafetyMonitor` is between `arm.position_commanded` and the arm's driver, which gets
+    `arm.position_allowed`.
+
+    The subsystems are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`
+    (with `arms`, `NAME_arm_driver` and so on), `rgbd_sensor_NAME`, `object_poses`, with
+    slides `slide_NAME`, with safety `safety_monitor` and, with sleeping,
+    `sleep_monitor`. Objects sleep only if the caller advances with
+    `station.sleeping.MakeAdvance`, like `Simulate`, `Rig` and `Serve`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -227,8 +228,8 @@ def _AddArm(
     safety_feels = robot.safety is not None and robot.safety.feels
     if not scenario.planner.feels and not safety_feels:
         return
-    # A continuous plant computes its contacts anew for every sample. It does so anyway
-    # whenever the planner or a touch sensor reads its input.
+    # A continuous plant computes its contacts anew for every sample. It already does
+    # this whenever the planner or a touch sensor reads its input, so use their period.
     period = (config if plant.time_step() else scenario.planner).period
     torque = AddExternalTorque(
         builder,

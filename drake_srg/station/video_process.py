@@ -1,8 +1,8 @@
 """Videos that a separate process renders and encodes during the simulation.
 
 Rendering in software takes longer than simulating. So the simulation only sends the
-plant's states, and another process, which builds the same cameras, makes the video.
-`python -m drake_srg.station.video_process` is that process.
+plant's states to another process, which builds the same cameras and makes the video:
+`python -m drake_srg.station.video_process`.
 """
 
 from __future__ import annotations
@@ -35,16 +35,18 @@ from drake_srg.scenario.typed_yaml import read_typed
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import mode_words
 
-_PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
+# Size of the pipe for states that wait to be rendered, about a minute's [bytes].
+_PIPE = 1 << 20
 _PATIENCE = 120.0  # s; a frame takes seconds at worst
-_VERDICT = 2  # length of the last message; that of a frame is longer
-_SIGN, _SIGN_PERIOD = b"\0", 1.0  # of life: before the answer, at most so often [s]
+_VERDICT = 2  # greatest length of the last message; messages with frames are longer
+# Sign of life that precedes the answer, and the least time between two of them [s].
+_SIGN, _SIGN_PERIOD = b"\0", 1.0
 
 
 def can_render_apart(scenario: Scenario) -> bool:
     """Return whether a separate process can render a scenario's video.
 
-    The state of a plant does not hold the shape of a soft object.
+    It cannot render soft objects, because a plant's state does not hold their shape.
     """
     soft = any(config.soft for config in scenario.objects.values())
     return bool(scenario.recording.video_camera) and not soft
@@ -58,8 +60,8 @@ class VideoProcess:
     Args:
         scenario: The scenario; `can_render_apart` must hold.
         tell: Called with a line for the user if the process fails.
-        patience: Time without a sign of life after which a process that has work to
-            do is ended [s, wall clock].
+        patience: Time without a sign of life after which a process with work to do is
+            ended [s, wall clock].
 
     Raises:
         ImportError: If PyAV is missing.
@@ -90,9 +92,9 @@ class VideoProcess:
         os.set_blocking(self._stdin, False)  # or a hung process would stop us
         with contextlib.suppress(OSError):  # the system's limit is lower
             fcntl.fcntl(self._stdin, fcntl.F_SETPIPE_SZ, _PIPE)
-        # Drake's schema objects do not pickle, but their YAML does. Only models and
-        # one camera are needed, and that from which a card may hide an object; a
-        # gripper's driver may be the user's own.
+        # Drake's schema objects do not pickle, but their YAML does. The process needs
+        # models, the cameras that are filmed, and the camera from which a card may hide
+        # an object. It may not know the gripper's driver, which may be the user's own.
         hidden_from = scenario.localizer.cameras[:1]
         filmed = scenario.recording.video_camera, scenario.recording.inset_camera
         names = {*filter(None, filmed), *hidden_from}
@@ -119,9 +121,9 @@ class VideoProcess:
     def send(self, *message: Any) -> None:
         """Send a message: the scenario's YAML, then the path, then frames.
 
-        A frame is its time [s], its caption, the plant's state and the names to write
-        into it. Messages to a process that has ended, or hangs, are lost; `finish`
-        reports that.
+        A frame consists of its time [s], its caption, the plant's state and the names
+        to write into it. Messages to a process that has ended, or hangs, are lost;
+        `finish` reports this.
         """
         rest = pickle.dumps(message)
         with contextlib.suppress(OSError):
@@ -135,7 +137,7 @@ class VideoProcess:
             verdict: Verdict on the last frame, see `VideoFile.hold`.
 
         Returns:
-            0 if the process could not make it; `tell` was called with the reason.
+            The number; 0 if the process failed, and `tell` was called with the reason.
 
         Raises:
             OSError: If the file could not be written.
@@ -188,10 +190,11 @@ class RemoteVideoRecorder(CaptionedRecorder):
         - caption
         - object_poses
 
-    Frames are those of a `VideoRecorder` at the same camera. `close()` waits for them.
+    It makes the same frames as a `VideoRecorder` at the same camera. `close()` waits
+    for them.
 
     Args:
-        process: Renders and encodes them.
+        process: Renders and encodes the frames.
         path: The .mp4 file.
         state_size: Size of the plant's state.
         frame_rate: Images per simulated second [Hz].
@@ -232,10 +235,10 @@ class RemoteVideoRecorder(CaptionedRecorder):
 
 
 def main() -> None:
-    """Render the frames that arrive on standard input until it ends."""
+    """Render the frames from standard input until it ends, and answer."""
     lower_priority()
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # whatever libraries print
+    os.dup2(2, 1)  # whatever libraries print goes to standard error
     frames, number, reason = 0, 0, ""
     last = wall.monotonic()
 

@@ -1,9 +1,9 @@
-"""Forward kinematics by the product of exponentials, to check the plant's.
+"""Forward kinematics by the product of exponentials, to check the plant's kinematics.
 
 The equations are those of Lynch and Park, Modern Robotics (2017). A screw axis in the
 space frame is (w, v): its direction w [unit vector] and v = -w x q [m] for any point q
-on it. A prismatic joint has w = 0 and v as its direction. Angles are in rad, lengths
-in m.
+on the axis. A prismatic joint has w = 0 and v as its direction. Angles are in rad,
+lengths in m.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ ASSISTIVE_ARM_SCREWS_PRINTED: Array = np.array(
 ASSISTIVE_ARM_SCREWS: Array = ASSISTIVE_ARM_SCREWS_PRINTED.copy()
 ASSISTIVE_ARM_SCREWS[3, 3:] = [0, -0.18974, 0.03813]
 
-# The tip's pose at zero angles, as appendix A prints it: the matrix is a rotation up to
-# rounding, and its y is where the arm's plane lies in the thesis's world. Section 4.4.3
-# prints the identity instead, which does not give the angles of the thesis's example.
+# The tip's pose at zero angles, as appendix A prints it. Its matrix is a rotation up to
+# rounding, and its y is that of the arm's plane in the thesis's world. Section 4.4.3
+# prints the identity as the rotation, which does not give the angles of the thesis's
+# example.
 ASSISTIVE_ARM_HOME_PRINTED: Array = np.array(
     [
         [1.0, 0.0, 0.0018, -0.25308],
@@ -98,7 +99,7 @@ def forward_kinematics(screws: ArrayLike, home: ArrayLike, q: ArrayLike) -> Arra
 
 
 def euler_rotation(angles: ArrayLike) -> Array:
-    """Return the rotation R (3, 3) = Rx(x) Ry(y) Rz(z), as the thesis's second script.
+    """Return the rotation R (3, 3) = Rx(x) Ry(y) Rz(z) of the thesis's second script.
 
     Args:
         angles: x, y, z (3) [rad]; the thesis calls them alpha, beta, gamma.
@@ -116,17 +117,16 @@ def euler_rotation(angles: ArrayLike) -> Array:
 def euler_angles(R: ArrayLike) -> Array:
     """Return the angles x, y, z (3) [rad] with R = Rx(x) Ry(y) Rz(z).
 
-    y is within a quarter turn of zero. Where it is a quarter turn (gimbal lock), only
-    the sum or the difference of x and z is determined: x is then 0, and z takes the
-    whole turn.
+    y is within a quarter turn of zero. At exactly a quarter turn (gimbal lock), only
+    the sum or the difference of x and z is determined: then x is 0.
 
     Args:
         R: A rotation matrix (3, 3).
     """
     R = np.asarray(R)
     y = np.arcsin(np.clip(R[0, 2], -1, 1))
-    # Below this cosine of y, rounding errors in the ratios that give x and z exceed
-    # the error of taking y for a quarter turn.
+    # Below this cosine of y, rounding errors in x and z exceed the error of treating y
+    # as a quarter turn.
     if np.hypot(R[0, 0], R[0, 1]) < 1e-8:
         return np.array([0.0, y, np.arctan2(R[1, 0], R[1, 1])])
     x = np.arctan2(-R[1, 2], R[2, 2])

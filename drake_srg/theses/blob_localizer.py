@@ -1,6 +1,6 @@
 """The localizer of the five-axis arm's thesis: a colour, a depth and two formulas.
 
-It is here to be compared with `BlobLocalizer`, not to be used.
+It serves only for comparison with `BlobLocalizer`.
 """
 
 import dataclasses as dc
@@ -19,17 +19,17 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Vector
 from drake_srg.vision.camera import CameraModel, Imager
 
-# The target's red, green and blue, 0 .. 1, and how far each may differ.
+# The target's red, green and blue, 0 .. 1, and the tolerance of each.
 COLOR = np.array([0.85, 0.85, 1.0])
 COLOR_TOLERANCE = 0.05
-DEPTH_OFFSET = 0.01  # added to the depth of the blob's middle [m]
+DEPTH_OFFSET = 0.01  # added to the depth of the blob's centroid [m]
 
 
 @dc.dataclass(kw_only=True)
 class ThesisBlobConfig(Config):
     """Options of the thesis's localizer; all else is as printed."""
 
-    # Time between images until the blob has been sent [s].
+    # Time between images, as long as no blob has been found [s].
     period: float = dc.field(default=0.05, metadata=positive())
 
 
@@ -51,14 +51,14 @@ class ThesisBlobLocalizer(LeafSystem):
     thesis's script sends it once (its flag `detectionSent`), wherever the object goes.
 
     The position is a point near the middle of the visible surface (`blob_position`), in
-    world [m]. It is not the object's centre: the rule knows no shape. For the same
-    reason `axis` is always the world's z, and `quality` 1.
+    world [m], not the object's centre, because the formulas know no shape. For the same
+    reason, `axis` is always the world's z, and `quality` is 1.
 
     Args:
         object_name: Name of the blob.
         camera: Name of the camera.
         model: The camera's intrinsics. Both imagers must be at the body's pose.
-        config: Its period.
+        config: The time between images.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class ThesisBlobLocalizer(LeafSystem):
         return EventStatus.Succeeded()
 
     def locate(self, context: Context) -> Blob | None:
-        """Return the blob in the present images, sent or not; None if there is none."""
+        """Return the blob in the present images, or None, whatever the state is."""
         color: Any = self._color.Eval(context).data
         depth: Any = self._depth.Eval(context).data[..., 0]
         center = first_blob(color)
@@ -130,7 +130,7 @@ class ThesisBlobLocalizer(LeafSystem):
 
 
 def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
-    """Return the middle of the first blob of the colour, or None.
+    """Return the centroid of the first blob of the colour, or None.
 
     CoppeliaSim's images begin at the lower left, row by row, so the first blob is the
     one whose lowest row is lowest.
@@ -139,7 +139,7 @@ def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
         image: Shape (height, width, 3 or 4), from the top left.
 
     Returns:
-        Its share of the image's width from the left, and of the height from below.
+        Its position as shares of the image's width from the left and height from below.
     """
     channels = image[::-1, :, :3].astype(float) / 255.0
     off = np.abs(channels - COLOR)
@@ -148,7 +148,7 @@ def first_blob(image: npt.NDArray[np.uint8]) -> tuple[float, float] | None:
     count, _, statistics, centers = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8)
     )
-    if count == 1:  # leaves out everything of another colour
+    if count == 1:  # only the background
         return None
     first = 1 + int(np.argmin(statistics[1:, cv2.CC_STAT_TOP]))
     height, width = mask.shape
@@ -164,7 +164,7 @@ def blob_position(
 ) -> Vector:
     """Return the position that the thesis's formulas give a blob.
 
-    With b the blob's middle and a the camera's angles of view:
+    With b the blob's centroid and a the camera's angles of view:
 
         d = depth at pixel 1 + floor(b (resolution - 0.99)), plus the offset
         x = d tan(a_x / 2) (0.5 - b_x) / 0.5
@@ -176,11 +176,11 @@ def blob_position(
     Args:
         center: b, shares of the image's width and height from the lower left.
         depth: Shape (height, width) [m], from the top left.
-        info: Intrinsics of that image.
+        info: Intrinsics of the depth image.
         depth_offset: Added to the depth [m].
 
     Returns:
-        In the imager's frame of Drake [m] (x right, y down, z ahead), shape (3,).
+        In Drake's frame of the imager [m] (x right, y down, z ahead), shape (3,).
     """
     b = np.array(center)
     resolution = np.array([info.width(), info.height()])

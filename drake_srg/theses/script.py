@@ -1,9 +1,9 @@
 """A fixed list of arm motions and gripper commands, in place of a planner.
 
-The list may be the messages that a client of the SRG thesis sends. The thesis's clients
-use two topics: `/kuka`, joint positions of the arm [degrees], and `/grasp`, percent
-from 0 open to 100 closed. They send message after message at a fixed rate, in named
-routines, without looking at the outcome.
+The list may be the messages that a client of the SRG thesis sends. These clients use
+two topics: `/kuka`, joint positions of the arm [degrees], and `/grasp`, percent from 0
+open to 100 closed. They send named routines of messages at a fixed rate, regardless of
+the outcome.
 """
 
 import bisect
@@ -26,7 +26,7 @@ from drake_srg.planning.planner_machine import (
 )
 from drake_srg.types import Mode, PlannerStatus, Vector
 
-# The modes that steps may have: those of a cycle that is under way.
+# The modes that steps may have: those of a cycle in progress.
 SCRIPT_MODES = tuple(
     mode.value
     for mode in Mode
@@ -60,8 +60,7 @@ class MessageConfig(Config):
     # Joint positions [degrees], the same in all `count` messages; or else `grasp`.
     kuka: list[float] | None = None
     count: int = dc.field(default=1, metadata={"ge": 1})
-    # First and last i of a ramp, up or down, with one message per i that says
-    # floor(i / 10) percent.
+    # First and last i of a ramp, up or down. Message i commands floor(i / 10) percent.
     grasp: list[int] | None = dc.field(
         default=None, metadata={"length": 2, "ge": 0, "le": 1000}
     )
@@ -105,8 +104,9 @@ class Script(PlannerConfig):
     """
 
     steps: list[ScriptStep] = dc.field(default_factory=list)
-    # Messages to arm and gripper, as the thesis's client sends them; once loaded, they
-    # are the steps. The arm moves to its targets within `arm.limits`.
+    # Messages to arm and gripper, as the thesis's client sends them. Loading the
+    # scenario turns them into `steps`. The arm moves to its targets within
+    # `arm.limits`.
     messages: MessagesConfig | None = None
 
 
@@ -125,11 +125,11 @@ class ScriptedPlanner(LeafSystem):
         - status
 
     `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk. Each
-    step starts where the one before it ended, the first from `home` at time 0.
+    step starts where the one before it ended, the first at `home` at time 0.
     `closure_commanded` (1) and `force_limit` (1) change as soon as a step begins.
-    `closure_messages` (1) is the number of messages so far that commanded a closure;
-    `force_limit` is NaN, which means the driver's own limit, until a step names one.
-    `mode` (Mode) is that of the step, and DONE after the last; `status` (PlannerStatus)
+    `force_limit` is NaN, which means the driver's own limit, until a step sets one.
+    `closure_messages` (1) is the number of messages so far that commanded a closure.
+    `mode` (Mode) is that of the step, and DONE after the last. `status` (PlannerStatus)
     contains only the mode.
 
     Args:
@@ -195,8 +195,8 @@ class ScriptedPlanner(LeafSystem):
 
     def _step(self, context: Context) -> int:
         """Return the index of the present step, or one past the last."""
-        # Times of updates are rounded multiples of a period. One that is rounded down
-        # still belongs to the step that begins there.
+        # Times of updates are rounded multiples of a period. A time that was rounded
+        # down must still count as the beginning of the next step.
         return bisect.bisect_right(self._ends, context.get_time() + 1e-9)
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
@@ -245,7 +245,7 @@ def _filled(
 
 
 def message_script(config: MessagesConfig, num_joints: int) -> list[ScriptStep]:
-    """Return the script of all commands, one step per change.
+    """Return the script of all messages, one step per change of the command.
 
     Args:
         config: The messages.

@@ -1,6 +1,7 @@
-"""The planner of the five-axis arm's thesis: six waypoints, one look.
+"""The planner of the five-axis arm's thesis: taught waypoints P0 to P4, and one look.
 
-`TRANSITIONS` says where each mode leads, the modes what each of them does.
+`TRANSITIONS` is the table of modes and their successors. The classes of the modes
+define their actions.
 """
 
 import dataclasses as dc
@@ -41,32 +42,33 @@ from drake_srg.planning.planner_machine import (
 from drake_srg.types import AnyMode, Blob, Failure, Mode, PlannerStatus, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_ANGLE = 0.002  # how exactly the hand's z points up [rad]
+_ANGLE = 0.002  # tolerance of the hand's z from the vertical [rad]
 
 
 @dc.dataclass(kw_only=True)
 class Taught(PlannerConfig):
     """The waypoints P0 to P4 of the five-axis arm's thesis; P0 is `arm.home`.
 
-    P2 is where the localizer says, with the hand's z up. The arm avoids nothing.
+    P2 is the position from the localizer, with the hand's z up. The arm avoids no
+    obstacles.
     """
 
     # P1 minus P2 in world [m].
     approach: list[float] = dc.field(
         default_factory=lambda: [0.025, 0.0, 0.0], metadata={"length": 3}
     )
-    # Joint positions of P3, where the object is lifted to, and P4, where it is let go
-    # [rad].
+    # Joint positions of P3, at which the object is lifted, and of P4, at which it is
+    # released [rad].
     lift: list[float] = dc.field(default_factory=list, metadata={"nonempty": True})
     place: list[float] = dc.field(default_factory=list, metadata={"nonempty": True})
-    # P2 in world [m] instead of where the localizer says; null: where it says.
+    # P2 in world [m]; null: the position from the localizer.
     grasp: list[float] | None = dc.field(default=None, metadata={"length": 3})
 
 
 class TaughtMotions:
-    """Plans the motions P0, P1, P2, P3, P4, P0; holds nothing between calls.
+    """Plans the motions P0, P1, P2, P3, P4, P0; keeps no state between calls.
 
-    `moves`, `q_home` and `config` can be read from it.
+    `moves`, `q_home` and `config` are public attributes.
 
     Args:
         scene: The arm, the gripper and the furniture.
@@ -98,7 +100,7 @@ class TaughtMotions:
         """Plan the motion of each mode that moves the arm.
 
         Args:
-            p_WT: P2, where the tip grasps, shape (3,) [m].
+            p_WT: P2, the tip's position for the grasp, shape (3,) [m].
         """
         try:
             return self._plan(p_WT)
@@ -140,12 +142,12 @@ class Senses:
 
     q: Vector  # the arm's joints, shape (N,) [rad]
     gripped: bool  # both fingers sense something
-    see: Callable[[], Sequence[Blob]]  # looks through the camera
+    see: Callable[[], Sequence[Blob]]  # evaluates the localizer's output
 
 
 @dc.dataclass
 class TaughtMemory(MotionMemory):
-    """All that the planner remembers."""
+    """The planner's state."""
 
     motions: Mapping[AnyMode, Trajectory] = dc.field(default_factory=dict)
     gripped_since: float = np.inf  # s
@@ -161,9 +163,9 @@ class TaughtMemory(MotionMemory):
 Now: TypeAlias = state_machine.Moment[Senses]
 Entry: TypeAlias = state_machine.Entry[Senses, AnyMode, Observation]
 
-# In the words of the thesis: IDLE, GOTO_P1, GOTO_P2, GRASP, GOTO_P3, GOTO_P4, RELEASE,
-# GOTO_P0 with CLOSE_AT_HOME, END. The conditions take the observation o, the time t in
-# the mode [s] and the planner's configuration c.
+# The thesis calls the modes IDLE, GOTO_P1, GOTO_P2, GRASP, GOTO_P3, GOTO_P4, RELEASE,
+# GOTO_P0 with CLOSE_AT_HOME, and END. The conditions take the observation o, the time t
+# in the mode [s] and the planner's configuration c.
 TRANSITIONS: Table = {
     Mode.IDLE: [(lambda o, t, c: o.ready, Mode.PRE_GRASP)],
     Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
@@ -183,8 +185,8 @@ class TaughtMode(PlannerMode[TaughtMemory, Senses]):
     """A mode that moves the arm or waits, and commands the fingers.
 
     Attributes:
-        commands: Closure that it commands as it begins, 0 open .. 1 closed; None:
-            as before.
+        commands: Closure commanded at the mode's beginning, 0 open .. 1 closed; None
+            leaves it unchanged.
         planner: Plans the motions.
         config: Waits and limits.
         name: Name of the blob to take.
@@ -228,12 +230,12 @@ class TaughtMode(PlannerMode[TaughtMemory, Senses]):
 
 
 class Idle(TaughtMode):
-    """Looks until a blob has been sent, and plans all motions from it."""
+    """Looks until it sees the object, and then plans all motions."""
 
     mode = Mode.IDLE
 
     def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
-        """Look when a look is due, and plan once there is something to grasp."""
+        """Look when a look is due, and plan once the grasp point is known."""
         if memory.motions or now.time < memory.next_look:
             return memory
         memory.next_look = now.time + SEARCH_PERIOD
@@ -328,14 +330,14 @@ class Home(TaughtMode):
         return self.config.home_wait + self.config.close_at_home
 
     def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
-        """Close the empty hand at the end."""
+        """Close the empty hand at the end of the wait."""
         if 0.0 < self.config.close_at_home >= memory.motion.due - now.time:
             memory.closure = 1.0
         return memory
 
 
 class End(TaughtMode):
-    """Stays where it is: the task is over."""
+    """Holds the arm still: the task is over."""
 
     def observe(self, memory: TaughtMemory, now: Now) -> Observation:
         """Observe nothing."""
@@ -354,7 +356,7 @@ class Done(End):
 
 
 class Failed(End):
-    """The planner has given up, for the reason that its status names."""
+    """The planner has given up; its status gives the reason."""
 
     mode = Mode.FAILED
 
@@ -387,7 +389,7 @@ class TaughtPlanner(PlannerMachine[TaughtMemory, Senses]):
         - mode
         - status
 
-    Inputs: `blobs` (list[Blob]), evaluated until it has an object of the name;
+    Inputs: `blobs` (list[Blob]), evaluated until it contains the named object;
     `arm_state` (2N), [q; v] in rad and rad/s; `grasped` (1), nonzero once both fingers
     sense something. Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0
     open .. 1 closed; `mode` (Mode); `status` (PlannerStatus).

@@ -1,4 +1,4 @@
-"""Localisation of objects in camera images."""
+"""Vision: camera models, localizer, height maps and obstacles."""
 
 from drake_srg.face import face
 

@@ -1,4 +1,4 @@
-"""Finds objects of known colour and shape in colour and depth images."""
+"""The localizer of objects with known colour and shape in colour and depth images."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from drake_srg.vision.images import clean_and_measure, metres
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.sight import view_around
 
-# A blob is uncertain if its misfit exceeds the best one's by more than this. Noise and
-# edges of the target itself hardly add as much.
+# A blob is uncertain if its misfit exceeds the best one's by more than this. On the
+# target itself, noise and edges hardly add as much.
 _MISFIT_MARGIN = 0.05
 # Uncertain blobs are dropped if a smaller share of their outline is seen.
 _MIN_QUALITY = 0.2
@@ -43,8 +43,8 @@ class BlobTarget:
         name: The object's name.
         shape: Its shape.
         color: Its colours.
-        p_OC: The centre of `shape` in the object's frame, to which the shape's frame is
-            parallel [m].
+        p_OC: The centre of `shape` in the object's frame [m]. The shape's frame is
+            parallel to the object's.
     """
 
     name: str
@@ -56,18 +56,18 @@ class BlobTarget:
 class BlobLocalizer(LeafSystem):
     """Locates targets in camera images, with one Blob for each sighting.
 
-    Connected pixels of a target's colour are its blobs. Depth and the known shape give
-    each blob the object's pose (see `fit_shape`). Cylinders may stand, lean or lie.
-    Boxes are assumed to be on one of their faces, within 15 degrees. Depth decides
-    which pixels belong to the object, so a strict range of colours may match only its
-    lit parts. If no blob is certain by its colour, as under another light, regions
-    bounded by steps in depth become blobs, too. Two blobs closer than half of the
-    object's width are parts of the same object, and the better one stays.
+    Connected pixels of a target's colour form a blob. Depth and the known shape
+    determine the pose of the object in each blob (see `fit_shape`). Cylinders may
+    stand, lean or lie. Boxes are assumed to rest on one of their faces, within 15
+    degrees. Depth decides which pixels belong to the object, so a narrow range of
+    colours is enough, even if it matches only lit parts. If no blob is certain by its
+    colour, as under another light, regions bounded by steps in depth become blobs, too.
+    Two blobs closer than half of the object's width show the same object, and only the
+    better one is kept.
 
-    The localizer measures the noise of the depth image and filters it. The remaining
-    noise sets the tolerances. Where noise hides small leans, standing objects count as
-    upright. A blob that fits the target's shape clearly worse than another one is
-    UNCERTAIN.
+    The localizer filters the noise of the depth image and measures the rest, which sets
+    the tolerances. If noise hides small leans, standing objects count as upright. A
+    blob that fits the target's shape clearly worse than another one is UNCERTAIN.
 
     .. pydrake_system::
 
@@ -175,7 +175,7 @@ class BlobLocalizer(LeafSystem):
         seen = fits(by_color)
         if not any(blob.certain for blob in seen):
             others = fits(by_steps)
-            # They may replace blobs of the target's own colour, but not add to them.
+            # These may replace blobs of the target's own colour, but not add to them.
             seen += [o for o in others if not seen or _near(o, seen, target.shape)]
         return _doubt_worse_fits(_distinct(seen, target.shape))
 
@@ -264,9 +264,9 @@ def _best_first(blobs: Iterable[Blob]) -> list[Blob]:
 
 
 def _near(blob: Blob, others: list[Blob], shape: Solid) -> bool:
-    """Return whether a blob shows the same object as one of the others.
+    """Return whether a blob is within half of the object's width of one of the others.
 
-    It does if they are closer than half of the object's width.
+    Such blobs show the same object.
     """
     width = float(shape.bounding_size[:2].min())
     return any(

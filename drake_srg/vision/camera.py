@@ -25,8 +25,8 @@ from drake_srg.types import Vector
 from drake_srg.vision.images import Mask
 
 # Pixel (u, v) of Drake's images samples the scene along the ray through (u + 0.5,
-# v + 0.5), in colour and in depth. Measured on rendered boxes with edges at random
-# places; see tests/vision/test_camera.py.
+# v + 0.5), both in colour and in depth. This was measured on rendered boxes with edges
+# at random places; see tests/vision/test_camera.py.
 DRAKE_PIXEL_CENTER = 0.5
 
 
@@ -170,7 +170,7 @@ class Imager:
         return found.reshape(p_I.shape[:-1])
 
 
-# Ports of Drake's RgbdSensor, and of the systems that see with one.
+# Ports of Drake's RgbdSensor, and of the systems that use its images.
 _PORTS = {
     "color_image": ImageRgba8U,
     "depth_image": ImageDepth32F,
@@ -194,7 +194,7 @@ def eval_camera_port(
     """Return the pixels of an image or the pose at a port of `declare_camera_ports`.
 
     Raises:
-        RuntimeError: If it is not connected.
+        RuntimeError: If the port is not connected.
     """
     source = system.GetInputPort(f"{camera}.{port}")
     if not source.HasValue(context):
@@ -210,8 +210,8 @@ def eval_camera_port(
 class CameraCalibrationConfig(Config):
     """A camera's calibrated intrinsics and pose, as `drake-srg calibrate` writes them.
 
-    The localizer uses them. Simulated images still come from the camera's entry in
-    `cameras`.
+    The localizer uses these values. Simulated images still come from the camera's entry
+    in `cameras`.
     """
 
     # Focal lengths and principal point of the colour image [pixels]; the image's upper
@@ -235,7 +235,7 @@ def calibrated_model(
 
     Args:
         config: The camera.
-        calibration: Its calibration; None: the camera is as configured.
+        calibration: Its calibration; None keeps the configured intrinsics.
     """
     model = CameraModel.from_config(config)
     if calibration is None:

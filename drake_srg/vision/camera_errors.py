@@ -21,8 +21,8 @@ from drake_srg.types import Vector
 # Read noise of the sensor, as a share of the noise of a white pixel. The rest is shot
 # noise.
 _READ_NOISE = 0.5
-# Standard deviation of the Gaussian by which depth errors are correlated [pixels]:
-# depth is matched in windows of several pixels, so neighbours share errors.
+# Standard deviation of the Gaussian that correlates depth errors [pixels]: real cameras
+# match windows of several pixels, so neighbours share errors.
 _CORRELATION = 0.7
 # Greatest share of the pixels on an edge that lose their depth.
 _MOST_LOST = 0.5
@@ -36,8 +36,8 @@ class CameraErrorsConfig(Config):
     image.
     """
 
-    # Error of the calibration: offset of the believed camera, in B [m], and its
-    # rotation, a rotation vector in B [rad]. With a ChArUco board, standard deviations
+    # Error of the calibration: offset of the believed camera in B [m], and its rotation
+    # as a rotation vector in B [rad]. With a ChArUco board, their standard deviations
     # are 0.2 to 1 mm and 0.02 to 0.1 degrees.
     translation: list[float] = dc.field(
         default_factory=lambda: [0.0] * 3, metadata={"length": 3}
@@ -48,19 +48,19 @@ class CameraErrorsConfig(Config):
     # Colours are multiplied by two to the power of this, and saturate [stops].
     # Automatic exposure settles within about half a stop.
     exposure: float = dc.field(default=0.0, metadata={"ge": -8.0, "le": 8.0})
-    # Standard deviation of white pixels; black ones have half of it [counts of 255].
+    # Standard deviation of white pixels [counts of 255]; black ones have half of it.
     # Indoors, it is 1 to 4: shot noise alone gives 2.5 in a pixel of 10,000 electrons.
     color_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 64.0})
     # Standard deviation of the Gaussian that blurs colours [pixels]; edges in depth
-    # fray by as much. A focused lens with a Bayer pattern: 0.4 to 0.8.
+    # fray by as much. A focused lens with a Bayer pattern has 0.4 to 0.8.
     blur: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 8.0})
     # Standard deviation of depth at 1 m [m]; it grows with the square of depth. For
     # stereo, it is s / (f b), with s the error of a match (0.05 to 0.1 pixels), f the
-    # focal length [pixels] and b the baseline [m]: RealSense D415 0.9 to 1.8 mm, D435 2
-    # to 4 mm. Structured light (Zivid, Photoneo): 0.05 to 0.3 mm.
+    # focal length [pixels] and b the baseline [m]: 0.9 to 1.8 mm for a RealSense D415,
+    # 2 to 4 mm for a D435. Structured light (Zivid, Photoneo) has 0.05 to 0.3 mm.
     depth_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.1})
-    # Share of pixels without depth on surfaces that face the camera. Slanting surfaces
-    # and edges lose more. Active cameras on dull surfaces: up to 0.02.
+    # Share of pixels without depth on surfaces that face the camera: up to 0.02 for
+    # active cameras on dull surfaces. Slanting surfaces and edges lose more.
     depth_dropout: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
 
 
@@ -87,10 +87,10 @@ class CameraErrors(LeafSystem):
         - depth_image
         - body_pose_in_world
 
-    Noise follows from seed, name and time alone, so evaluating an image again gives the
-    same image. Pixels without depth hold 0. Edges in depth fray: a pixel shows the
-    depth of one beside it [Barron and Malik, Intrinsic Scene Properties from a Single
-    RGB-D Image, CVPR 2013, section 6].
+    Noise depends only on seed, name and time, so evaluating an image again gives the
+    same image. Pixels without depth hold 0. Edges in depth fray: a pixel may show the
+    depth of a pixel beside it [Barron and Malik, Intrinsic Scene Properties from a
+    Single RGB-D Image, CVPR 2013, section 6].
 
     Args:
         config: The errors.
@@ -191,8 +191,8 @@ def _normal(
 def _quantiles() -> npt.NDArray[np.float32]:
     """Return 2^16 evenly spaced quantiles of the standard normal distribution.
 
-    The largest is 4.3. Choosing one by 16 random bits takes a third of the time of
-    numpy's own draw.
+    The largest is 4.3. Picking one with 16 random bits takes a third of the time of
+    numpy's generator of normal numbers.
     """
     steps = (np.arange(2**16) + 0.5) / 2**16
     return np.array([statistics.NormalDist().inv_cdf(p) for p in steps], np.float32)

@@ -1,4 +1,4 @@
-"""Groups of pixels that may show a target; its shape decides later."""
+"""Groups of pixels that may show a target. The fit of its shape decides later."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.images import Mask, grow, has_depth
 
-# Least step in depth at an object's edge, as a share of its least extent. A surface
-# that continues behind the object is farther away.
+# Least step in depth at an object's edge, as a share of the object's least extent:
+# surfaces behind the object are farther away than this.
 _STEP = 0.25
 _DEVIATIONS = 6.0  # a step also exceeds this many standard deviations of noise
 # Least area of a region, as a share of the object's smallest face. A smaller region
@@ -30,7 +30,7 @@ _LEAST_WHOLE_AREA = 0.5
 # ground nor far behind it.
 _MOST_ELSE_BESIDE = 0.05
 # Least share of a region's surroundings that must lie behind it, and greatest share
-# that may lie level with it. The rest may hide it or touch it.
+# that may lie level with it. The rest may be in front of the region or touch it.
 _LEAST_BEHIND = 0.3
 _MOST_LEVEL = 0.25
 # Width of the rim around a region [pixels]. The pixels of a step itself are neither
@@ -107,7 +107,7 @@ def by_steps(
 ) -> Iterator[Candidate]:
     """Yield regions bounded by steps in depth, in the range's colours under any light.
 
-    Without colour and depth along the same rays, there are no regions.
+    If colour and depth are not seen along the same rays, there are none.
     """
     if not picture.color_imager.same_as(picture.depth_imager):
         return
@@ -140,9 +140,9 @@ class _Region:
 
     Attributes:
         labels: The number of each pixel's group, shape (h, w).
-        number: The number of this one.
-        window: Its rows and columns, without a margin.
-        area: Its pixels.
+        number: The number of this group.
+        window: Rows and columns of the group, without a margin.
+        area: Number of its pixels.
     """
 
     labels: npt.NDArray[Any]
@@ -178,7 +178,7 @@ class _Edge:
         rim: The region and the pixels of its own edge.
         beside: Pixels beside the rim.
         behind: Pixels beside the rim that lie behind the region.
-        behind_share: Their share of all pixels beside the rim.
+        behind_share: Share of the pixels beside the rim that lie behind the region.
         level_share: Share of the pixels beside the rim that lie level with the region.
         cut: Whether the region reaches the image's border.
         distance: Distance of the region, along the depth imager's z [m].
@@ -234,7 +234,7 @@ class _Edge:
         color = picture.color[self.window][..., :3].astype(np.float32)
         own, other = (np.median(color[m], axis=0) for m in (self.usable, self.behind))
         blob = np.zeros(picture.depth.shape, bool)
-        # A pixel is inside if its colour is nearer to the region's than to the other.
+        # A pixel is inside if its colour is nearer to `own` than to `other`.
         inside = (color[self.rim] - 0.5 * (own + other)) @ (own - other) > 0
         blob[self.window][self.rim] = inside
         return blob

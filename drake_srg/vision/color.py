@@ -37,9 +37,9 @@ _HUE_TOLERANCE = 12.0  # of an object of given colour [degrees]
 class ColorRange:
     """An inclusive range of colours.
 
-    In "hsv" the channels are hue [degrees, 0 .. 360], saturation and value [0 .. 1]. A
-    lower hue above the upper one wraps through red at 0. In "rgb" they are red, green
-    and blue [0 .. 1]. HSV suits coloured objects because shading changes little but the
+    In "hsv", the channels are hue [degrees, 0 .. 360], saturation and value [0 .. 1]. A
+    lower hue above the upper one wraps through red at 0. In "rgb", they are red, green
+    and blue [0 .. 1]. HSV suits coloured objects, because shading changes mainly the
     value.
 
     Raises:
@@ -72,8 +72,8 @@ class ColorRange:
     def around(cls, rgb: Sequence[float]) -> ColorRange:
         """Return the range in which an object of diffuse colour `rgb` appears.
 
-        Shading lowers the value of a coloured object, which keeps its hue. A grey
-        object has no hue, so its value alone identifies it.
+        Shading lowers the value of a coloured object but keeps its hue. A grey object
+        has no hue, so only its value identifies it.
 
         Args:
             rgb: Red, green, blue [0 .. 1]; a fourth entry (alpha) is ignored.
@@ -111,7 +111,7 @@ class ColorRange:
         """Return which pixels may show a colour of the range under any lamp.
 
         Light, exposure and shading multiply the channels, so the ratio of two channels
-        changes by the same factor as the light's own.
+        changes by the same factor as that ratio of the light.
 
         Args:
             image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
@@ -128,7 +128,7 @@ class ColorRange:
             )
         bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
         known = _ratios(255.0 * samples / bright)
-        # A table of all values' logarithms, because computing every pixel's takes long.
+        # A table of logarithms, because computing one for every pixel takes long.
         red, green, blue = np.moveaxis(image[..., :3], -1, 0)
         logs = _log(np.arange(256))
         log_green = logs[green]
@@ -173,7 +173,7 @@ def _log(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     return np.log(np.asarray(values, np.float32) + np.float32(_DARK))
 
 
-# End of each hue [degrees]; beyond the last, it is red again.
+# Upper end of each hue [degrees]; beyond the last end, the hue is red again.
 _ENDS = {
     "red": 16.0,
     "orange": 42.0,
@@ -194,7 +194,7 @@ _BLACK, _GREY = 0.25, 0.75
 
 
 def color_names(image: ColorImage) -> npt.NDArray[np.int8]:
-    """Return the index in `COLORS` of each pixel; the first `NUM_HUES` have a hue.
+    """Return the index in `COLORS` of each pixel; indices below `NUM_HUES` are hues.
 
     Args:
         image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.

@@ -15,20 +15,22 @@ from drake_srg.vision.images import narrowest_rectangle, robust_deviation
 from drake_srg.vision.sight import View
 from drake_srg.vision.solids import signed_distance, turn_between
 
-# Angle between guesses [rad]. A fit finds the pose from a guess that is turned by less
-# than about half of this.
+# Angle between guesses [rad]. A fit finds the pose if its guess is turned by less than
+# about half of this.
 _TURN = np.deg2rad(30.0)
-# Number of points that rank the guesses, of steps that bring a guess to them, and of
-# guesses that are worth a fit. Few points lie on a part that makes a turn visible, such
-# as a handle. So if none of these guesses explains the view, as many again are fitted.
+# Number of points that rank the guesses, number of steps that move a guess to these
+# points, and number of guesses to fit. Few points lie on parts that make a turn
+# visible, such as a handle. So if none of the guesses explains the view, as many again
+# are fitted.
 _POINTS, _STEPS, WORTH_A_FIT = 150, 4, 6
-# Turns about the solid's axes, and about the vertical, that may rival the best pose
-# [rad], and how many of the former are worth a fit.
+# Turns of the best pose, about the solid's axes and about the vertical, that may fit
+# nearly as well [rad], and the number of turns about the solid's axes to fit.
 _RIVAL_TURNS = np.deg2rad([-90.0, -40.0, -20.0, 20.0, 40.0, 90.0, 180.0])
 _SMALL_TURNS = _RIVAL_TURNS[1:5]
 _RIVALS = 12
-# A pose turned by more than `_TURNED` [rad] rivals the best one if it leaves at most
-# `_MUCH` times as much unexplained, plus the share `_MORE` of the blob, a dozen pixels.
+# A pose turned by more than `_TURNED` [rad] rivals the best one if its unexplained
+# share of the blob is at most `_MUCH` times the best one's plus `_MORE` (a dozen
+# pixels).
 _TURNED, _MUCH, _MORE = np.deg2rad(10.0), 1.2, 0.01
 # Distance beyond which a point counts less [m]: it may belong to something in front.
 _FAR = 0.005
@@ -42,7 +44,8 @@ def guess_pieces(
     Args:
         shape: The solid.
         view: The view of its blob. At least three pixels of the blob have depth.
-        upright: Whether its z points upwards. Otherwise, it rests on any face.
+        upright: Whether the solid's z points upwards. Otherwise, it may also rest on
+            any face of its convex hull.
     """
     points = _some_points(view)
     downs = [np.array([0.0, 0.0, -1.0])]
@@ -61,11 +64,11 @@ def guess_pieces(
 def guess_rivals(
     shape: ConvexPieces, X_WO: RigidTransform, view: View
 ) -> list[RigidTransform]:
-    """Return far turned poses that fit the points nearly as well, the likeliest first.
+    """Return poses turned far from a given one that may fit about as well.
 
     Args:
         shape: The solid.
-        X_WO: The pose whose rivals are looked for.
+        X_WO: The given pose.
         view: As for `guess_pieces`.
     """
     points = _some_points(view)
@@ -95,7 +98,7 @@ def are_rivals(
 ) -> bool:
     """Return whether another pose explains a view nearly as well as the best one.
 
-    Each argument is a share of unexplained pixels, and X_WO.
+    `best` and `other` are each a share of unexplained pixels, and a pose X_WO.
     """
     (least, X_1), (unexplained, X_2) = best, other
     return (
@@ -120,9 +123,9 @@ def _settled(
 ) -> tuple[float, RigidTransform]:
     """Return the best pose of a given rotation, and its misfit.
 
-    The first pose matches the extents of the points: the middles agree in the camera's
-    x and y, the nearest points in depth. Since the points may show only a part, the
-    solid then moves until its surface is near them.
+    The solid starts where its extents match those of the points: the centres agree in
+    the camera's x and y, the nearest points in depth. Because the points may show only
+    a part, the solid then moves until its surface is near them.
 
     Returns:
         The mean distance of the points to the surface [m], in which far points count
@@ -130,8 +133,10 @@ def _settled(
     """
     R = R_WO.matrix()
     solid, seen = shape.corners @ R.T @ view.R_WD, points @ view.R_WD
-    middle = [0.5 * (p.max(axis=0) + p.min(axis=0)) for p in (seen, solid)]
-    offset = middle[0] - middle[1]
+    seen_center, solid_center = (
+        0.5 * (p.max(axis=0) + p.min(axis=0)) for p in (seen, solid)
+    )
+    offset = seen_center - solid_center
     offset[2] = np.quantile(seen[:, 2], 0.02) - solid[:, 2].min()
     p_WO = view.R_WD @ offset
     for step in range(_STEPS + 1):
@@ -147,8 +152,9 @@ def _settled(
 
 _UP = np.array([0.0, 0.0, 1.0])
 
-_PLANE_THICKNESS = 5e-5  # at least [m]: a renderer's depth has no noise
-# A top that leans more than this [rad] is a misfit and counts as level.
+# Least thickness of a plane through points [m], for renderers: their depth is exact.
+_PLANE_THICKNESS = 5e-5
+# A top that seems to lean more than this [rad] is a wrong fit and counts as level.
 _MOST_LEAN = np.deg2rad(15.0)
 
 
@@ -172,12 +178,12 @@ def guess_upright(shape: Cylinder | Box | ConvexPieces, view: View) -> RigidTran
 def guess_poses(shape: Solid, view: View) -> list[RigidTransform]:
     """Return poses X_WO from which a fit may start.
 
-    A box is assumed to be on one of its faces, within 15 degrees. Convex pieces stand
+    A box is assumed to rest on one of its faces, within 15 degrees. Convex pieces stand
     upright or rest on a face of their convex hull. A cylinder's normals are parallel or
-    square to its axis, so the axis is an eigenvector of their second moments, whichever
-    part is visible. If noise spoils the normals, the axis may be the normal of a top or
-    the direction in which the points extend farthest. Either end of a cylinder may be
-    hidden.
+    perpendicular to its axis. So the axis is an eigenvector of the normals' second
+    moments, whichever part is visible. In case noise spoils the normals, other guesses
+    take the normal of the top and the direction in which the points extend farthest.
+    Either end of a cylinder may be hidden.
 
     Args:
         shape: The solid.
@@ -205,7 +211,7 @@ def guess_poses(shape: Solid, view: View) -> list[RigidTransform]:
 
 
 def _normals(view: View) -> Vector:
-    """Return unit normals where a pixel of the blob lies between others.
+    """Return unit normals at pixels of the blob whose four neighbours are in it, too.
 
     Returns:
         In W, shape (n, 3).
@@ -221,13 +227,13 @@ def _normals(view: View) -> Vector:
 def _cylinder(
     shape: Cylinder, points: Vector, axis: Vector, forward: Vector, view: View
 ) -> RigidTransform:
-    """Return the pose of a cylinder along an axis that ends where the points end."""
+    """Return the pose of a cylinder along an axis, with its end at the points' end."""
     middle = points.mean(axis=0)
     end = np.quantile((points - middle) @ axis, 0.98)
     # On average, a cylinder's surface seen from the side is this far before its axis.
     behind = np.pi / 4 * shape.radius * (forward - (forward @ axis) * axis)
     center = middle + (end - 0.5 * shape.length) * axis + behind
-    # Its x turns with the camera, so the result does, too.
+    # Choose its x relative to the camera, so that the result turns with the camera.
     x = view.R_WD[:, np.argmin(np.abs(axis @ view.R_WD))]
     x = x - (x @ axis) * axis
     x /= np.linalg.norm(x)
@@ -269,9 +275,8 @@ def fit_plane(
 ) -> tuple[Vector, Vector, float]:
     """Return the nearly level plane through the topmost points.
 
-    It grows from the points near the highest ones and narrows to four standard
-    deviations of the points that it holds. A patch that is too narrow to show its slope
-    counts as level.
+    It starts from the highest points. Its thickness shrinks to four standard deviations
+    of the points within. A patch that is too narrow to show its slope counts as level.
 
     Args:
         points: Shape (n, 3), n > 0, z up [m].

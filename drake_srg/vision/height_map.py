@@ -1,4 +1,4 @@
-"""Maps the heights of things on a table from depth images."""
+"""Height maps of the things on a table, from depth images."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from drake_srg.vision.camera import (
 from drake_srg.vision.images import Mask, clean, grow, has_depth
 from drake_srg.vision.surfaces import Surface
 
-# Pixels are patches: one up to this far outside the mapped surface may reach over it
-# [m].
+# A pixel is a patch: if its centre is up to this far outside the mapped surface, it may
+# still cover a part of it [m].
 _AROUND = 0.02
 _RESOLUTION = 0.002  # width of a cell [m]
 _HOLE = 2  # width of holes that are filled [cells]
@@ -34,8 +34,8 @@ _MAX_HEIGHT = 0.35  # greatest height of a thing above the surface [m]
 THING = 0.008
 # The map is also unknown this far around a dropped region [cells].
 _FRINGE = 4
-# Cells this near to the surface [m] mostly belong to it, and their median corrects the
-# heights. With fewer than `_LEAST_FLAT` such cells, there is no correction.
+# Cells this near to the surface [m] mostly show the surface itself, so their median
+# corrects the heights. With fewer than `_LEAST_FLAT` of them, there is no correction.
 _NEAR = 0.01
 _LEAST_FLAT = 200
 
@@ -54,7 +54,7 @@ def points_of(
         depth: Along the imager's z [m], shape (height, width).
         X_WB: Pose of the camera's body in world.
         imager: Its depth imager.
-        subpixels: Points per side of a pixel, which counts as a patch of one depth.
+        subpixels: Points along each side of a pixel, which is a patch of one depth.
         within: Keep only points above or below this surface, or within 2 cm of its
             edges; None keeps all.
     """
@@ -90,10 +90,10 @@ def height_map(
 ) -> HeightMap:
     """Return the heights of things above a surface, and the surface's own height.
 
-    A cell holds the highest of its points from all clouds. Holes as narrow as a pixel
-    are filled from their surroundings. A region that rises above 0.35 m belongs to the
-    arm and becomes unknown. So does one that hangs over the surface's edge,
-    unless `over_edge`.
+    A cell holds the height of its highest point in all clouds. Holes as narrow as a
+    pixel are filled from their surroundings. A region that rises above 0.35 m belongs
+    to the arm and becomes unknown. So does a region that reaches over the surface's
+    edge, unless `over_edge`.
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
@@ -150,7 +150,7 @@ def _offset(height: Vector, level: float) -> float:
 
 
 def _covered(part: Surface, origin: Vector, shape: tuple[int, int]) -> Mask:
-    """Return the cells whose middle is in one of the parts."""
+    """Return the cells whose centre is in a part of the surface."""
     x, y = (
         start + _RESOLUTION * np.arange(count)
         for start, count in zip(origin, shape[::-1], strict=True)
@@ -161,9 +161,9 @@ def _covered(part: Surface, origin: Vector, shape: tuple[int, int]) -> Mask:
 
 
 def _filled(height: Vector) -> Vector:
-    """Return a map whose holes of at most `_HOLE` cells hold the lowest neighbour.
+    """Return a map whose holes of at most `_HOLE` cells take their lowest neighbour.
 
-    Holes are shadows more often than tops.
+    A hole is more often a shadow beside a thing than a part of its top.
     """
     filled = height.copy()
     for _ in range((_HOLE + 1) // 2):
@@ -198,9 +198,9 @@ SUBPIXELS = 2
 class HeightMapper(LeafSystem):
     """Maps the heights of things on a table from depth images.
 
-    It knows no shapes and no colours. It reduces the noise of each image and merges the
-    maps of all cameras. Regions that reach too high are unknown because they belong to
-    the robot (see `height_map`).
+    It uses no shapes and no colours. It reduces the noise of each image and merges the
+    maps of all cameras. Regions that reach too high become unknown, because they belong
+    to the robot (see `height_map`).
 
     .. pydrake_system::
 
@@ -213,8 +213,8 @@ class HeightMapper(LeafSystem):
         - point_cloud
 
     Every camera has its two input ports, like those of BlobLocalizer. `height_map` is a
-    HeightMap, `point_cloud` a pydrake.perception.PointCloud of all that the cameras
-    see, in world [m]. Both are computed when they are evaluated.
+    HeightMap. `point_cloud` is a pydrake.perception.PointCloud of everything that the
+    cameras see, in world [m]. Both are computed only when they are evaluated.
 
     Args:
         cameras: Camera name to its model.

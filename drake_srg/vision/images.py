@@ -1,4 +1,4 @@
-"""Masks, noise of depth images, and robust statistics."""
+"""Image masks, noise of depth images, and robust statistics."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def grow(mask: Mask, pixels: int) -> Mask:
 
 
 def window(mask: Mask, margin: int) -> tuple[slice, slice]:
-    """Return rows and columns of the window around a mask's pixels, at least one.
+    """Return rows and columns of the window around a mask's pixels.
 
     Args:
-        mask: Shape (h, w).
+        mask: Shape (h, w), with at least one pixel.
         margin: Margin of the window on each side, within the image [pixels].
     """
 
@@ -44,8 +44,8 @@ def robust_deviation(residuals: npt.NDArray[Any]) -> float:
     """Return the standard deviation of residuals about 0, from their median.
 
     Args:
-        residuals: Normally distributed, except for outliers, which are fewer than half.
-            The deviation of an empty array is NaN.
+        residuals: Normally distributed, except for fewer than half, the outliers. An
+            empty array gives NaN.
     """
     return 1.4826 * _median(np.abs(residuals))
 
@@ -61,12 +61,12 @@ def _median(values: npt.NDArray[Any]) -> float:
     return float((parts[:middle].max() + parts[middle]) / 2)
 
 
-# OpenCV computes in single precision, which suits units of 0.1 mm.
+# OpenCV computes in single precision, so scale to units of 0.1 mm.
 _SCALE = 1e4
 
 
 def narrowest_rectangle(points: Vector) -> tuple[Vector, Vector, float]:
-    """Return the rectangle of least area that holds points.
+    """Return the rectangle of least area that encloses points.
 
     Args:
         points: Shape (n, 2), n > 0, near the origin [m].
@@ -104,13 +104,13 @@ def metres(depth: npt.NDArray[Any]) -> Depth:
     return depth.astype(np.float32, copy=False)
 
 
-# An image with less noise stays as it is [1/m]. This is 0.05 mm at 1.5 m, a twentieth
-# of any relevant error, and cleaning rounds corners.
+# Images with less noise [1/m] are not cleaned, because that rounds corners. This is
+# 0.05 mm at 1.5 m, a twentieth of any relevant error.
 _NOISELESS = 2e-5
 # A hole is filled if at least this many of its eight neighbours are known.
 _KNOWN_NEIGHBOURS = 3
-# Distance between the pixels that are compared [pixels]. The noise of nearer ones is
-# correlated.
+# Distance between the pixels that are compared to measure noise [pixels]. The noise of
+# nearer pixels is correlated.
 _LAG = 4
 
 
@@ -126,8 +126,8 @@ def clean(depth: Depth) -> Depth:
         unchanged.
     """
     differences = _second_differences(depth)
-    # The noise is 0.6 times the median of their sizes. Counting the small ones instead
-    # takes a tenth of the time.
+    # The noise is 0.6 times the median of their absolute values. To count small values
+    # instead takes a tenth of the time.
     small = np.count_nonzero(np.abs(differences) < _NOISELESS)
     if 2 * small > differences.size or _noise(differences) < _NOISELESS:
         return depth
@@ -135,7 +135,7 @@ def clean(depth: Depth) -> Depth:
 
 
 def clean_and_measure(depth: Depth) -> tuple[Depth, float]:
-    """Return a depth image without the noise of single pixels, and the noise left.
+    """Return a depth image without the noise of single pixels, and the rest's size.
 
     Returns:
         The image, and the standard deviation of 1 / depth [1/m], which is about that of
@@ -148,9 +148,9 @@ def clean_and_measure(depth: Depth) -> tuple[Depth, float]:
 def _filled(depth: Depth) -> Depth:
     """Return a depth image whose single holes hold the median of their neighbours.
 
-    A median filter that took holes for near or far would move edges, where most holes
-    are. If there are two middle values, holes take the nearer and the farther one in
-    turns.
+    Most holes are at edges. A median filter that treated them as near or far would move
+    the edges. If there are two middle values, holes take the nearer and the farther one
+    alternately.
     """
     image = np.pad(np.nan_to_num(depth, posinf=np.inf), 1)
     rows, columns = np.nonzero(~(depth > 0))
@@ -174,15 +174,15 @@ def _filled(depth: Depth) -> Depth:
 def depth_noise(depth: Depth) -> float:
     """Return the standard deviation of 1 / depth of an image [1/m].
 
-    On a plane 1 / depth is linear in the pixels, so second differences are noise. Their
-    median tolerates edges as long as most of the image is smooth. The noise of stereo
-    and triangulation is the same everywhere in 1 / depth.
+    On a plane, 1 / depth is linear in the pixels, so second differences are noise.
+    Their median tolerates edges as long as most of the image is smooth. For stereo and
+    triangulation, the noise of 1 / depth is the same at all depths.
     """
     return _noise(_second_differences(depth))
 
 
 def _noise(differences: Vector) -> float:
-    """Return the standard deviation of the numbers behind second differences."""
+    """Return the standard deviation of 1 / depth from its second differences."""
     if len(differences) == 0:
         return 0.0
     return float(robust_deviation(differences) / np.sqrt(6))

@@ -1,4 +1,4 @@
-"""Finds unknown things that stand on tables."""
+"""The finder of unknown things that stand on tables."""
 
 from __future__ import annotations
 
@@ -20,29 +20,28 @@ from drake_srg.vision.surfaces import Surface
 # A point stands on a surface if it is higher by this many standard deviations of noise:
 # one in three million normally distributed values exceeds it.
 _DEVIATIONS = 5.0
-_LEAST_PIXELS = 8  # points of an obstacle, at least: noise makes groups of a few
-# Points this near to a surface [m] mostly belong to it. Their scatter shows how well
-# its height is measured.
+_LEAST_PIXELS = 8  # least number of points of an obstacle: noise makes smaller groups
+# Points this near to a surface [m] mostly show the surface itself. Their scatter shows
+# the noise of measured heights.
 _NEAR = 0.03
 # Quantile of an obstacle's heights that counts as its top. The highest of many noisy
-# points is a millimetre higher still.
+# points would be a millimetre higher.
 _TOP = 0.98
 # Greatest and least height of an obstacle above its surface [m]. A marker on a table is
 # not in the way.
 _MAX_HEIGHT, _MIN_HEIGHT = 0.3, 0.008
-# A point this near to a known object belongs to it [m]. The object's seen pose may be 3
-# mm off, and its rim by as much again.
+# A point this near to a known object belongs to it [m]. The estimated pose may be 3 mm
+# off, and points at the rim another 3 mm.
 _KNOWN = 0.006
 
 
 class ObstacleFinder(LeafSystem):
     """Finds things on surfaces by depth alone, and returns upright boxes around them.
 
-    Points well above a surface are grouped by their gaps as seen from above. Points of
-    the best blob of a known object are left out. So are groups that do not stand on a
-    surface: one that reaches up to 0.3 m or over the surface's edge belongs to
-    the robot or hangs over the scene. The noise of the surfaces' own depth defines
-    "well above".
+    Points well above a surface are grouped by the gaps between them, as seen from
+    above. "Well above" depends on the noise of the surfaces' own depth. Points of the
+    best blob of a known object are left out. So are groups that reach up to 0.3 m or
+    over the surface's edge: they belong to the robot or hang over the scene.
 
     .. pydrake_system::
 
@@ -56,7 +55,7 @@ class ObstacleFinder(LeafSystem):
 
     Every camera has its two input ports, like those of BlobLocalizer. The input `blobs`
     is BlobLocalizer's output. The output `obstacles` is a list[Obstacle]. Each box
-    stands on its surface and is at most a pixel wider than the visible thing.
+    stands on its surface and is wider than the visible thing by at most a pixel.
 
     Args:
         cameras: Camera name to its model.
@@ -114,7 +113,7 @@ class ObstacleFinder(LeafSystem):
         """Return the points well above surfaces that a camera sees.
 
         Returns:
-            The points in W [m], shape (n, 3), and how wide a pixel is there [m].
+            The points in W [m], shape (n, 3), and the width of a pixel there [m].
         """
         imager = self._imagers[camera]
         depth = eval_camera_port(self, context, camera, "depth_image")[..., 0]
@@ -135,7 +134,7 @@ class ObstacleFinder(LeafSystem):
         # A quarter of the pixels shows how the surfaces' own points scatter.
         near = (depth > 0) & (z > lowest - _NEAR)
         least = self._least_height(p_W(near[::2, ::2], step=2))
-        # Lower points need no closer look.
+        # Lower points need not be compared with each surface.
         high = near & (z > lowest + least)
         points = p_W(high)
         height, _ = self._heights(points)
@@ -146,9 +145,9 @@ class ObstacleFinder(LeafSystem):
         return points[stands], farthest / imager.info.focal_x()
 
     def _heights(self, p_W: Vector) -> tuple[Vector, Mask]:
-        """Return how high points are above their surface, and which have one.
+        """Return the heights of points above their surface, and which have a surface.
 
-        Points without a surface have heights above the lowest one [m], shape (n,).
+        Points without a surface get their height above the lowest one [m], shape (n,).
         """
         lowest = min(surface.height for surface in self._surfaces)
         height, on_surface = p_W[:, 2] - lowest, np.zeros(len(p_W), bool)

@@ -1,4 +1,4 @@
-"""Finds the pose at which a solid explains a depth image.
+"""The fit of a solid's pose to a depth image, from a first guess.
 
 At the true pose, the visible points of the solid lie on its surface, and its outline
 separates the pixels that show it from those that do not. The first condition is a
@@ -25,12 +25,12 @@ from drake_srg.vision.solids import round_axis, signed_distance
 
 Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
 
-# Least standard deviation of depth [m]: a renderer's has none.
+# Least standard deviation of depth [m], for renderers, whose depth has no noise.
 _DEPTH_DEVIATION = 1e-4
-# Error at which Huber's cost turns linear [standard deviations]; 95 % efficient for
+# Error beyond which Huber's cost is linear [standard deviations]; 95 % efficient for
 # normally distributed noise.
 _HUBER = 1.345
-_SAMPLES = 400  # most points, and most pixels, that take part: more add little
+_SAMPLES = 400  # greatest number of points, and of pixels; more add little
 _STEPS = 12  # of Newton's method at one softness, at most
 _RIDGE = 1e-9  # added to the Hessian's diagonal, as a share of its trace
 
@@ -118,7 +118,7 @@ def _directions(
 
     Returns:
         A translation and a rotation vector in W in each column, shape (6, k). A unit
-        step is 1 m, also along a circle of `radius` [m].
+        step is 1 m; for turns, 1 m along a circle of `radius` [m].
     """
     turned = isinstance(shape, Box | ConvexPieces)
     turns = 3 if turned else 2 if isinstance(shape, Cylinder) else 0
@@ -136,7 +136,7 @@ def _depth_cost(
     count: int,
     basis: Vector,
 ) -> Normal:
-    """Return Huber's cost of the points' distances, as if there were `count` points."""
+    """Return Huber's cost of the points' distances, scaled to `count` points."""
     R, p = X_WO.rotation().matrix(), X_WO.translation()
     error, gradient = signed_distance(shape, (points - p) @ R)
     g = gradient @ R.T
@@ -150,7 +150,7 @@ def _depth_cost(
 def _outline_cost(
     outline: Outline, pixels: Vector, side: Vector, softness: float, basis: Vector
 ) -> Normal:
-    """Return the logistic cost of pixels on the wrong side: 1 is inside, -1 outside."""
+    """Return the logistic cost of the pixels; `side` is 1 inside, -1 outside."""
     distance, J = outline.gradient(pixels)
     J = J @ basis
     wrong = 0.5 * (1 + np.tanh(0.5 * side * distance / softness))

@@ -1,8 +1,8 @@
-"""Finds the pose of a known solid from the depth pixels of its visible surface.
+"""The pose of a known solid, from the depth pixels of its visible surface.
 
-Each of several first guesses is aligned coarsely with the view. The guess that leaves
-the fewest pixels unexplained is aligned finely. The fit uses every visible part of the
-surface and of the outline, so it finds the whole pose of a half-hidden solid.
+Several first guesses are aligned coarsely with the view. The guess that leaves the
+fewest pixels unexplained is then aligned finely. The fit uses every visible part of the
+surface and of the outline, so it also finds the pose of a half-hidden solid.
 """
 
 from __future__ import annotations
@@ -28,52 +28,52 @@ from drake_srg.vision.pose_fit import Alignment, align
 from drake_srg.vision.sight import INSIDE, OUTSIDE, Outline, Sight, View, look
 from drake_srg.vision.solids import least_turned, signed_distance
 
-# Softness of the outline in the stages of a fit [pixels]: a guess is a few pixels off.
-# One label locates an edge with a standard deviation of 0.29 pixels; all labels
-# together do better.
+# Softness of the outline in the stages of a fit [pixels]. A guess is a few pixels off.
+# One label locates an edge with a standard deviation of 0.29 pixels, and all labels
+# together are more exact.
 _COARSE_SOFTNESS = (3.0, 1.0)
 _MIDDLE_SOFTNESS = (0.3,)
 _FINE_SOFTNESS = (0.1, 0.03)
 # A guess that leaves at most this share of the blob's pixels unexplained is good
-# enough: another one would hardly be better.
+# enough: others would hardly be better.
 _EXPLAINED = 0.03
-# A leaning pose replaces a standing one only if it explains this share of the blob's
-# pixels more. Nothing stands at a slight lean, but a size that is 1 % off, and blur,
-# look like a lean of 3 degrees.
+# A leaning pose replaces an upright one only if the additional pixels that it explains
+# are more than this share of the blob. Nothing stands at a slight lean, but blur or an
+# error of 1 % in size looks like a lean of 3 degrees.
 _UPRIGHT_MARGIN = 0.1
 # With a greater unexplained share, the fit is uncertain: it may be another solid.
 _MOST_UNEXPLAINED = 0.1
 # With a greater unexplained share, the blob belongs to another thing.
 _ANOTHER_OBJECT = 0.35
-# Standard deviations of noise: one in 16,000 normally distributed values exceeds it.
+# Limit of noise [standard deviations]: one in 16,000 normal values exceeds it.
 _DEVIATIONS = 4.0
 # A solid this far below its surroundings [m] is not in a recess; this far above them,
 # it stands on nothing.
 _APART = 0.01
 # Pixels of a solid's top, and of its surroundings, that are needed to judge its height.
 _LEAST_PIXELS = 8
-# Number of guesses that are aligned in noisy images, the nearest first. Each takes
-# time.
+# Number of guesses that are aligned in noisy images, the nearest first, to save time.
 _NOISY_GUESSES = 3
 # A solid that leans more than this does not stand [rad].
 _MOST_STANDING_LEAN = np.deg2rad(15.0)
 # Width of the band around a solid that shows where it stands [pixels].
 _BESIDE = 5
-# A point farther off the surface is not explained [m]. `Fit` calls a position with this
-# error uncertain.
+# A point farther off the surface is not explained [m]. A position with this error is
+# `Fit.uncertain`.
 _OFF_SURFACE = 1e-3
 # Samples of the outline for its quality: every 5 degrees of a circle.
 _RING = 72
 # Greatest standard deviations of a certain fit: position [m] and axis [rad].
 _POSITION_DEVIATION = 1e-3
 _AXIS_DEVIATION = np.deg2rad(1.0)
-# A certain fit gets worse when the solid slides this far along its axis [pixels].
+# A fit is certain only if it gets worse when the solid slides this far along its axis
+# [pixels].
 _SLIDES = np.array([1.75, 2.5])
 # Most pixels inside the outline that show the background, as a share of the blob's.
 # Noise causes some at the rim.
 _MOST_THROUGH = 0.05
-# Within this distance of the outline, a pixel may have the depth of either side
-# [pixels].
+# Within this distance of the outline [pixels], a pixel may have the depth of either
+# side.
 _FRAYED = 1.5
 # Beyond this distance, no part of a pixel is on the outline [pixels].
 _ON_OUTLINE = np.sqrt(0.5)
@@ -87,10 +87,10 @@ class Fit:
     """The fitted pose of a solid.
 
     Attributes:
-        X_WO: The pose. If several poses look alike, it is the one that is turned least.
+        X_WO: The pose. If several poses look alike, the one with the least rotation.
         quality: Share of the expected outline that is seen, 0 .. 1.
         cut: Whether part of the expected outline lies outside the image.
-        hidden: Whether more than a tenth of the outline in the image was not found.
+        hidden: Whether more than a tenth of the outline within the image was not found.
         uncertain: Whether the position may be off by 1 mm or the axis by a degree.
         misfit: Pixels that contradict the solid, as a share of the blob's, plus its
             distance from standing on its surroundings, as a share of its height.
@@ -113,9 +113,9 @@ def fit_shape(shape: Solid, view: View) -> Fit | None:
 
 
 def _within_reach(shape: Solid, view: View) -> View:
-    """Return a view whose blob has no pixels that are too far apart for one solid.
+    """Return a view whose blob lacks the pixels that are too far off to be the solid's.
 
-    The solid's colour bleeds onto things that hide a part of it.
+    The solid's colour bleeds onto things in front of it.
     """
     usable = view.blob & view.valid
     if not usable.any():
@@ -157,13 +157,13 @@ class Match:
         return np.asarray((sight.labels == OUTSIDE) & (sight.distance > _FRAYED))
 
     def unexplained(self, sight: Sight) -> float:
-        """Return the pixels that contradict a pose, as a share of the blob's.
+        """Return the number of pixels that contradict a pose, over the blob's number.
 
-        They are the blob's pixels off the surface, and others that show what is behind
-        it.
+        These are pixels of the blob that are off the surface, and pixels within the
+        outline that show something behind the solid.
         """
         missed = sight.blob & (np.abs(sight.error) > self.wrong)
-        if self.view.noise:  # which frays edges
+        if self.view.noise:  # noise frays edges
             missed &= np.abs(sight.distance) > _FRAYED
         through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -_FRAYED)
         return float((missed.sum() + through.sum()) / sight.blob.sum())
@@ -187,9 +187,9 @@ class Start:
 def find_start(match: Match) -> Start:
     """Return a coarse pose that explains the view best.
 
-    Most things stand. Noise hides small leans. So in a noisy image, a solid with the
-    depth of a standing one counts as standing, unless another pose explains far more. A
-    solid that hangs from a hand may have turned and may lean.
+    Most things stand, and noise hides small leans. So in a noisy image, a solid with
+    the depth of a standing one counts as upright, unless another pose explains far
+    more. A solid that hangs from a hand may lean.
     """
     view, shape = match.view, match.shape
     standing, least = Start(RigidTransform(), upright=True), np.inf
@@ -198,7 +198,7 @@ def find_start(match: Match) -> Start:
         X_WO = match.align(guess, _COARSE_SOFTNESS, upright=True).X_WO
         sight = match.look(X_WO)
         scatter = robust_deviation(sight.error[sight.blob])
-        # Unless its top is in sight, its height could be anything.
+        # Unless the top is visible, the solid's height is unknown.
         if scatter <= 2 * view.noise and _sees_top(match, X_WO, sight):
             standing = Start(X_WO, upright=not _hangs(match, X_WO))
             least = match.unexplained(sight)
@@ -230,7 +230,7 @@ def _best_of_guesses(match: Match) -> tuple[float, Start]:
 def _best_of_pieces(
     match: Match, shape: ConvexPieces, guesses: list[RigidTransform]
 ) -> tuple[float, Start]:
-    """Return the best guess of convex pieces, after a look for its rivals."""
+    """Return the best guess of convex pieces, and whether it has rivals."""
     worth = _NOISY_GUESSES if match.view.noise else WORTH_A_FIT
     tried = [_try(match, guess) for guess in guesses[:worth]]
     if min(tried, key=itemgetter(0))[0] > _EXPLAINED:
@@ -264,7 +264,8 @@ def _sees_top(match: Match, X_WO: RigidTransform, sight: Sight) -> bool:
 def _hangs(match: Match, X_WO: RigidTransform) -> bool:
     """Return whether an upright solid is far above its surroundings.
 
-    A gripper that holds it does not count. If nothing is visible around it, it hangs.
+    Higher surroundings, such as a gripper that holds it, do not count. If there is
+    nothing around it, the solid hangs.
     """
     sight = match.look(X_WO, margin=_BESIDE)
     bottom = X_WO.translation()[2] - 0.5 * match.shape.height
@@ -309,9 +310,9 @@ class _Fitter:
         )
 
     def _through(self, sight: Sight) -> float:
-        """Return the pixels that show the background, as a share of the blob's.
+        """Return the number of pixels that show the background, over the blob's number.
 
-        Only pixels inside the outline count, since one on it may show either side.
+        Only pixels fully inside the outline count; one on it may show either side.
         """
         inside = sight.distance < -_ON_OUTLINE
         return float(((sight.labels == OUTSIDE) & inside).sum() / sight.blob.sum())
@@ -344,10 +345,10 @@ class _Fitter:
     def _lift(self, X_WO: RigidTransform, sight: Sight) -> float:
         """Return how far a standing solid's lower end is above its surroundings [m].
 
-        Often, only the top of an upright solid is visible. If the thing is really
-        lower, the solid would reach into the table; if it is higher, the solid would
-        hover. The result is 0 if the solid does not stand or its surroundings are not
-        visible.
+        Often, only the top of an upright thing is visible. If that thing is lower than
+        the solid, the solid would reach into the table; if it is higher, the solid
+        would hover. The result is 0 if the solid does not stand or its surroundings are
+        not visible.
         """
         around = self._match.around(sight) & np.isfinite(sight.points).all(axis=1)
         upright = abs(X_WO.rotation().matrix()[2, 2])
@@ -361,14 +362,17 @@ class _Fitter:
         return float(bottom - np.median(sight.points[around, 2]))
 
     def _seen(self, sight: Sight, X_WO: RigidTransform) -> tuple[float, bool, bool]:
-        """Return `quality`, `cut` and `hidden` of a fit, from two rings of pixels."""
+        """Return `quality`, `cut` and `hidden` of a fit.
+
+        They come from two rings of pixels, inside and outside the outline.
+        """
         view, outline = self._view, Outline.of(self._shape, X_WO, self._view)
         labels = np.full(view.depth.shape, OUTSIDE, dtype=np.int8)
         known = np.where(sight.surface, INSIDE, sight.labels)
         labels[tuple(sight.pixels.T[::-1])] = known
         h, w = view.depth.shape
         in_image = found = np.array(True)
-        # Only these pixels are certain: the 3 x 3 median reaches one pixel farther.
+        # Nearer pixels may show either side: the 3 x 3 median adds one pixel.
         beside = _FRAYED + bool(view.noise)
         for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
             pixels = np.rint(outline.ring(grow, _RING)).astype(int)

@@ -1,4 +1,4 @@
-"""The view of a solid at an assumed pose: its outline, and labelled pixels."""
+"""Views of a solid at an assumed pose: its outline, and labelled pixels."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class View:
         rays: Directions in W per unit of depth, shape (h, w, 3).
         depth: Along the imager's z [m], shape (h, w); 0 is too near, inf too far.
         valid: Pixels that have depth, shape (h, w).
-        points: The visible surface in W [m], shape (h, w, 3); not finite where it is
-            too far.
+        points: The visible surface in W [m], shape (h, w, 3); not finite where depth is
+            infinite.
         blob: Pixels of the blob, shape (h, w).
         others: Pixels of the same colour outside the blob, shape (h, w).
-        project: Takes points in W (n, 3) to the window's (column, row), (n, 2).
+        project: Maps points in W (n, 3) to (column, row) in the window, (n, 2).
         focal: Focal lengths [pixels], shape (2,).
         noise: Standard deviation of depth at the blob [m].
     """
@@ -119,13 +119,14 @@ def view_around(
     )
 
 
-# Corners are clipped here [pixels]: farther ones overflow OpenCV and change nothing.
+# Corners are clipped to this range [pixels]: farther ones would overflow OpenCV and
+# make no difference.
 _FAR = 1e4
 
 
 @dc.dataclass(frozen=True)
 class Outline:
-    """The outline of a solid in a view's window: the union of its convex pieces'."""
+    """The outline of a solid in a view's window: the union of its pieces' outlines."""
 
     pieces: tuple[PieceOutline, ...]
 
@@ -143,8 +144,8 @@ class Outline:
             pixels: Columns and rows, shape (n, 2).
 
         Returns:
-            Distance [pixels], negative inside, and depth of the solid at the side [m],
-            shape (n,).
+            Distance [pixels], negative inside, and depth of the solid at that side [m],
+            shape (n,) each.
         """
         return self._nearest(pixels, PieceOutline.distance)
 
@@ -155,8 +156,8 @@ class Outline:
             pixels: Columns and rows, shape (n, 2).
 
         Returns:
-            Distance [pixels], shape (n,), and its Jacobian, as that of the corners,
-            shape (n, 6).
+            Distance [pixels], shape (n,), and its derivatives by the solid's motion as
+            in `PieceOutline.jacobian`, shape (n, 6).
         """
         return self._nearest(pixels, PieceOutline.gradient)
 
@@ -194,7 +195,8 @@ class Outline:
 
         Args:
             grow: Distance by which to move them outwards [pixels].
-            count: Number of points on each piece; those inside others are left out.
+            count: Number of points on each piece. Points inside other pieces are left
+                out.
 
         Returns:
             Columns and rows, shape (n, 2).
@@ -228,15 +230,14 @@ class PieceOutline:
         R_WO, p_WO = X_WO.rotation().matrix(), X_WO.translation()
         p_W = p_O @ R_WO.T + p_WO
         corners = np.clip(view.project(p_W), -_FAR, _FAR)
-        # This orientation turns from the image's x towards its y, whatever OpenCV calls
-        # it.
+        # OpenCV's `clockwise=False` turns from the image's x towards its y.
         hull = cv2.convexHull(
             corners.astype(np.float32), clockwise=False, returnPoints=False
         )[:, 0]
         p_W, corners = p_W[hull], corners[hull]
         p_D = (p_W - view.origin) @ view.R_WD
         x, y, z = p_D.T
-        # The image's x is focal x / z plus a constant, and so is its y.
+        # The column is focal * x / z plus a constant; the row likewise with y.
         (fx, fy), zero = view.focal, np.zeros(len(z))
         by_D = np.stack(
             [
@@ -246,7 +247,8 @@ class PieceOutline:
             axis=1,
         )
         by_W = by_D @ view.R_WD.T
-        # A turn moves a point by turn x r, and a coordinate g by g . (turn x r).
+        # A turn moves a point at r by turn x r, and so a pixel with the gradient g by
+        # g . (turn x r).
         by_turn = cross((p_W - p_WO)[:, None], by_W)
         return cls(corners, z, np.concatenate([by_W, by_turn], axis=-1))
 
@@ -279,14 +281,14 @@ class PieceOutline:
     def _nearest_side(
         self, pixels: Vector
     ) -> tuple[Vector, npt.NDArray[np.intp], Vector]:
-        """Return each pixel's distance from its nearest side, and that side's location.
+        """Return each pixel's distance beyond its nearest side, and the place there.
 
         Returns:
-            Distance [pixels], the side, and the share of the side's length at which the
-            pixel is beside it, shape (n,) each.
+            Distance [pixels], index of the side, and the place along the side as a
+            share of its length, shape (n,) each.
         """
         sides, lengths, normals = self._sides
-        # Single precision is enough to find the side, and takes half of the time.
+        # Single precision is enough to find the side, in half of the time.
         offsets = (normals * self.corners).sum(axis=1).astype(np.float32)
         rough = pixels.astype(np.float32) @ normals.T.astype(np.float32) - offsets
         k = rough.argmax(axis=1)
@@ -331,19 +333,19 @@ def _next(values: Vector) -> Vector:
 
 
 Labels = npt.NDArray[np.int8]
-# Whether a pixel shows the solid. UNKNOWN is hidden, without depth, or in doubt.
+# Whether a pixel shows the solid. UNKNOWN: it is hidden, has no depth, or is in doubt.
 OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
 
-# Tolerated distance of a visible point from the solid's surface [m], and the same as a
-# share of its radius. A renderer's depth has no noise, but Drake draws circles with 50
-# sides, up to 0.2 % inside the radius.
+# Least tolerance of a visible point's distance from the solid's surface [m], and the
+# same as a share of the solid's radius. A renderer's depth is exact, but Drake draws
+# circles with 50 sides, up to 0.2 % inside the radius.
 _FINEST = 1e-4
 _FINEST_SHARE = 3e-3
 # Greatest tolerance, if the points scatter or the pose is in doubt [m].
 _COARSEST = 3e-3
-_DEVIATIONS = 4.0  # both are at least this many standard deviations of noise
-# A surface is visible where ray times outward normal is less than this. The limit is
-# not 0 because depth is too coarse on a surface seen edge-on.
+_DEVIATIONS = 4.0  # both limits are at least this many standard deviations of noise
+# A surface counts as visible if ray times outward normal is less than this. The limit
+# is not 0, because of errors on surfaces seen edge-on, where depth is coarse.
 _EDGE_ON = 0.3
 
 
@@ -390,9 +392,9 @@ def look(
     Colour alone does not show where an object ends: shading may move a pixel out of the
     colour's range, and a pixel on the rim mixes two colours. Depth alone does not show
     where one object touches another. So a pixel is INSIDE if its point is on the
-    surface and its colour is the blob's. Without noise, a neighbour of that colour is
-    enough. A pixel is UNKNOWN if only one of the two holds, or if its point is in front
-    of the solid.
+    surface and it belongs to the blob. Without noise, a neighbour in the blob is
+    enough. A pixel is UNKNOWN if only one of the two conditions holds, or if its point
+    is in front of the solid.
 
     Args:
         shape: The solid.
@@ -415,7 +417,7 @@ def look(
     points = view.origin + rays * finite[:, None]
     R_WO = X_WO.rotation().matrix()
     error, normals = signed_distance(shape, (points - X_WO.translation()) @ R_WO)
-    # A surface that faces away is not visible.
+    # A surface that faces away from the camera is not visible.
     slant = ((rays @ R_WO) * normals) @ np.ones(3)  # sum(axis=1) is slow
     facing = slant < _EDGE_ON
     error = np.where(valid & facing, error, np.inf)

@@ -1,7 +1,7 @@
-"""Solids: distance to their surface, outline, symmetric poses.
+"""Geometry of solids: distance to their surface, outline, symmetric poses.
 
-Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
-image is the convex hull of the images of some of its points.
+Points are in the solid's own frame O. A solid consists of convex pieces; the outline of
+a piece in an image is the convex hull of the images of some of its points.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.common.geometry import ConvexPieces, Solid
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
-# Corners of the polygon that replaces a circle. It is within 0.1 % of the radius.
+# Corners of the polygon that replaces a circle, with errors within 0.1 % of the radius.
 _RIM = 72
 
 
@@ -88,7 +88,7 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
     for (normals, offsets), (center, radius) in zip(
         shape.faces, shape.balls, strict=True
     ):
-        # The distance to the planes falls short of the piece's by at most this much.
+        # Pieces whose enclosing ball is farther than the nearest piece are skipped.
         near = np.flatnonzero(np.linalg.norm(p_O - center, axis=1) - radius < least)
         beyond = p_O[near] @ normals.T - offsets
         face = beyond.argmax(axis=1)
@@ -110,7 +110,7 @@ def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
     """
     corner = [np.maximum(beyond, 0.0) for beyond in away]
     outside = np.sqrt(sum(beyond**2 for beyond in corner))
-    between = outside <= 0.0  # then the nearest pair counts
+    between = outside <= 0.0  # between all pairs of faces, the nearest pair counts
     nearest = functools.reduce(np.maximum, away)
     shares, scale = [], 1.0 / np.maximum(outside, 1e-12)
     for beyond, past in zip(away, corner, strict=True):
@@ -127,9 +127,9 @@ _ALIKE = 2e-3
 def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
     """Return the least rotated of the poses that look like a given one.
 
-    A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
-    not turn about it. A box has four poses that look alike, and more if it has sides of
-    equal length. Convex pieces have one.
+    For a ball, it has no rotation. For a cylinder, z points upwards, without a turn
+    about it. A box has four poses that look alike, and more if it has sides of equal
+    length. Convex pieces have only the given one.
     """
     R_WO = X_WO.rotation().matrix()
     match solid:
@@ -147,8 +147,9 @@ def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
 def turn_between(solid: Solid, R_1: RotationMatrix, R_2: RotationMatrix) -> float:
     """Return the least angle between orientations that look like two given ones [rad].
 
-    It is 0 for a ball and the angle between the axes for a cylinder. Convex pieces look
-    alike where their corners are within 2 mm of the other's surface.
+    It is 0 for a ball and the angle between the axes for a cylinder. Two orientations
+    of convex pieces look alike if the corners of one are within 2 mm of the other's
+    surface.
     """
     R_12 = R_1.InvertAndCompose(R_2).matrix()
     match solid:
@@ -188,8 +189,8 @@ def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
 def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], int | None]:
     """Return rotations (3, 3) that map a solid onto itself, and its round axis.
 
-    They are turns about x, y and z in steps of 30 degrees. If all turns about an axis
-    keep the solid, it is round about that axis.
+    Candidates are turns about x, y and z in steps of 30 degrees. If all turns about an
+    axis map the solid onto itself, it is round about that axis.
     """
     turns: list[Vector] = []
     is_round: int | None = None

@@ -1,4 +1,4 @@
-"""Level surfaces of known height, and the correction of camera poses by them."""
+"""Level surfaces of known height, and their use to correct camera poses."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Surface:
         return inside
 
 
-# Largest errors of a calibration in height [m] and tilt [rad]. A surface with larger
-# differences is another one.
+# Largest errors of a calibration in height [m] and tilt [rad]. If a surface differs by
+# more, it is not one of the known ones.
 _MOST_OFFSET = 0.02
 _MOST_TILT = np.deg2rad(2.0)
-# Least and greatest number of points. Fewer are too few for a tilt, more add little.
+# Least and greatest number of points. Fewer do not determine a tilt, more add little.
 _LEAST_POINTS = 200
 _MOST_POINTS = 80_000
 # Points within this many standard deviations of the plane fit it.
@@ -56,12 +56,12 @@ _ROUNDS = 6  # of fitting the plane and dropping points that do not fit
 class CameraLeveling(LeafSystem):
     """Corrects a camera's pose so that known surfaces appear at their known height.
 
-    A calibration may have six errors. Any depth image of a table shows three of them:
-    both tilts and the height. They are worth correcting because a tilt of a milliradian
-    shifts the scene by a millimetre at one metre. The system turns the camera about its
-    own centre, as little as possible, and lifts it. Things on the surface do no harm as
-    long as half of its visible part is free. If no surface is visible, the pose does
-    not change.
+    A pose may have errors in six directions. Any depth image of a table reveals three
+    of them: both tilts and the height. They are worth correcting, because a tilt of a
+    milliradian shifts the scene by a millimetre at one metre. The system turns the
+    camera about its own centre, as little as possible, and raises or lowers it. Things
+    on the surface do no harm as long as half of its visible part is free. If no surface
+    is visible, the pose does not change.
 
     .. pydrake_system::
 
@@ -145,7 +145,7 @@ class CameraLeveling(LeafSystem):
         slope_x, slope_y, offset = plane
         if np.arctan(np.hypot(slope_x, slope_y)) > _MOST_TILT:
             return X_WB
-        # The turn about the camera that makes the plane level, and its height after it.
+        # A turn about the camera makes the plane level; then its height is corrected.
         normal = np.array([-slope_x, -slope_y, 1.0])
         normal /= np.linalg.norm(normal)
         R_WSeen = _turn_between(normal, np.array([0.0, 0.0, 1.0]))

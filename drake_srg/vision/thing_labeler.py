@@ -1,4 +1,4 @@
-"""Labels things on a height map by their colours and known shapes."""
+"""Labels of things on a height map, by their colours and known shapes."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from drake_srg.vision.solids import signed_distance
 Labels = npt.NDArray[np.int8]
 # Anything lower than this above the table belongs to the table [m].
 _LEAST_HEIGHT = 0.004
-# Greatest distance of a cell's top from the surface of its object [m]: errors of pose
-# and map. Steep flanks have the height of their upper edge.
+# Greatest distance of a cell's top from the surface of its object [m]. It allows for
+# errors of pose and map; steep flanks have the height of their upper edge.
 _ON_SURFACE = 0.008
-# A thing has a hue if at least this share of its cells has one. Then its grey and white
-# parts get the hue of the nearest coloured part.
+# A thing is colourful if more than this share of its cells has a hue. Then its grey and
+# white parts get the hue of the nearest coloured part.
 _LEAST_SHARE = 0.15
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -138,12 +138,12 @@ class KnownThing:
 class ThingLabeler(LeafSystem):
     """Labels the cells of a height map by their objects.
 
-    A label is an object's name, a colour, or `all`: everything on the table. The first
-    label that fits a cell counts. Names come from the poses that a localizer finds: a
-    cell belongs to an object if its top is on the object's surface. Only the most
-    trustworthy blob of each object counts, and only if it is certain. Colours come from
-    the colour images, registered to the map. The grey and white parts of a coloured
-    thing get the colour of its nearest coloured part.
+    A label is an object's name, a colour, or `all` for everything on the table. Each
+    cell gets the first label that fits. Names come from the poses that a localizer
+    finds: a cell belongs to an object if its top is on the object's surface. Only the
+    most trustworthy blob of each object counts, and only if it is certain. Colours come
+    from the colour images, registered to the map. The grey and white parts of a
+    coloured thing get the colour of its nearest coloured part.
 
     .. pydrake_system::
 
@@ -156,15 +156,15 @@ class ThingLabeler(LeafSystem):
         output_ports:
         - labeled_height_map
 
-    `height_map` is a HeightMap, `blobs` BlobLocalizer's output. `labeled_height_map` is
-    a LabeledHeightMap. It is computed when it is evaluated.
+    `height_map` is a HeightMap, `blobs` is BlobLocalizer's output. The output is a
+    LabeledHeightMap, computed only when it is evaluated.
 
     Args:
         names: Labels in the order of precedence: names of `known`, of `COLORS`, `all`.
         cameras: Camera name to its model.
         known: Objects by name.
         table: Height of the table [m].
-        upright: Whether only objects that stand on their bottom get names.
+        upright: Whether only upright objects get names.
 
     Raises:
         ValueError: If a label is none of these, or there are colours but no cameras.
@@ -183,7 +183,7 @@ class ThingLabeler(LeafSystem):
         self._upright = upright
         for name in names:
             if name not in (*known, *COLORS, ALL):
-                raise ValueError(f"ThingLabeler knows no {name!r}")
+                raise ValueError(f"ThingLabeler: unknown label {name!r}")
         self._names, self._known, self._table = tuple(names), dict(known), table
         colored = any(name in COLORS and name not in known for name in names)
         if colored and not cameras:
@@ -241,7 +241,7 @@ class ThingLabeler(LeafSystem):
         output.set_value(self._labeled(height_map, label))
 
     def _named(self, context: Context, height_map: HeightMap, name: str) -> Mask:
-        """Return the cells of an object by its best blob, if that is certain."""
+        """Return the cells of an object at its best blob's pose, if that is certain."""
         thing = self._known[name]
         blobs: list[Blob] = self.GetInputPort("blobs").Eval(context)
         best = next((blob for blob in blobs if blob.object_name == name), None)

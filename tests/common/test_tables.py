@@ -41,7 +41,7 @@ def test_a_bad_table_gets_one_line(tmp_path, content, problem):
 
 
 def test_columns_may_be_all_that_is_allowed():
-    with pytest.raises(ScenarioError, match=r"f: column y \(columns: name, x"):
+    with pytest.raises(ScenarioError, match=r"f: unknown column y \(columns: name, x"):
         parse_table("name,x,y\n", "f", COLUMNS, only=True)
 
 

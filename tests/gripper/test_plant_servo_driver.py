@@ -39,7 +39,7 @@ def test_an_empty_hand_closes_and_opens_within_its_speed():
 
 def test_gains_that_the_plant_does_not_know_are_refused():
     servo = dc.replace(FAST.servo, ki=[1.0] * 4)
-    with pytest.raises(ValueError, match=r"gripper\.servo: .* kp and kd alone"):
+    with pytest.raises(ValueError, match=r"gripper\.servo: .* only kp and kd"):
         SrgHand(config=PlantServoDriver(servo=servo))
 
 

@@ -57,7 +57,7 @@ def test_a_table_that_the_hand_does_not_reach_has_no_ring():
 def test_furniture_is_no_bin(name):
     overrides = ["clutter.count=1", f"task.place.bin={name}"]
     scenario = load_scenario("clear_table", overrides=overrides)
-    with pytest.raises(ScenarioError, match=rf"^task\.place\.bin: '{name}' is no bin"):
+    with pytest.raises(ScenarioError, match=rf"^task\.place\.bin: '{name}' is too low"):
         MakeClearingPlanner(scenario)
 
 

@@ -92,7 +92,7 @@ def test_names_count_before_colours_and_colours_before_all():
         ([FAR], r"^task\.place\.bins\.blue_bin: out of reach: "),
         (
             ["task.place.bins={floor: {colour: green}}"],
-            r"^task\.place\.bins\.floor: 'floor' is no bin",
+            r"^task\.place\.bins\.floor: 'floor' is too low",
         ),
         (
             [MUG, "task.pick=[mug]", ONE_BIN],

@@ -1,1 +1,1 @@
-"""Limits of an arm for any source of commands, and stops along its path."""
+"""Safety limits of an arm for any source of commands, and stops along its path."""

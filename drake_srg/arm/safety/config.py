@@ -29,7 +29,7 @@ class BodyRegionLimits(Config):
 
 @dc.dataclass(kw_only=True)
 class ForceLimitConfig(Config):
-    """Power and force limiting: a profile of limits, and the regions within reach."""
+    """Power and force limiting: limits by body region, and the regions within reach."""
 
     # Limits by the name of a body region. The numbers come from your risk assessment.
     profile: dict[str, BodyRegionLimits] = dc.field(default_factory=dict)
@@ -52,32 +52,33 @@ class SafetyConfig(Config):
     upper: list[float] | None = None
     # Joint speeds [rad/s or m/s]; null: the model's limits.
     speed: list[float] | None = dc.field(default=None, metadata=positive())
-    # Accelerations of commands [rad/s² or m/s²]; null: 1.5 times the model's limits. A
-    # planner that uses a joint's full acceleration stops along its path with up to 1.5
-    # times as much.
+    # Accelerations of commands [rad/s² or m/s²]; null: 1.5 times the model's limits,
+    # because a planner that uses a joint's full acceleration needs up to 1.5 times as
+    # much to stop along its path.
     acceleration: list[float] | None = dc.field(default=None, metadata=positive())
-    # Decelerations of stops; null: 4/3 of `acceleration`. It must exceed
-    # `acceleration`, or a motion that already brakes could not brake harder.
+    # Decelerations of stops; null: 4/3 of `acceleration`. They must exceed
+    # `acceleration`, because a motion that already brakes must be able to brake harder.
     stop_acceleration: list[float] | None = dc.field(default=None, metadata=positive())
     # The tool: a frame of the models, as MODEL::FRAME.
     tool: str = "gripper::grasp_center"
     # Largest speed of the tool's origin [m/s], and its workspace; null: no limit.
     tool_speed: float | None = dc.field(default=None, metadata=positive())
     workspace: WorkspaceConfig | None = None
-    # Largest external torques [N m], without and with the load in the hand; null: no
-    # limit.
+    # Largest external torques [N m], which include the weight of a load in the hand;
+    # null: no limit.
     external_torque: list[float] | None = dc.field(default=None, metadata=positive())
-    # Limits of the force at the tool that best explains the external torques.
+    # Limits of the force at the tool. It is the force there that best explains the
+    # external torques.
     force: ForceLimitConfig | None = None
     # Largest deviation of the measured joints from the monitor's commands [rad or m];
     # null: no limit.
     following_error: float | None = dc.field(default=0.25, metadata=positive())
-    # Age at which the newest message is stale [s]; needs `safety.heartbeat`.
+    # Age at which the newest message is stale [s]; needs the input `safety.heartbeat`.
     watchdog: float = dc.field(default=0.05, metadata=positive())
-    # Speed along the path, as a share of the commanded speed. With less than 1, motions
-    # take longer than planned: raise `planner.arrival_timeout`.
+    # Speed along the path, as a share of the commanded speed. Below 1, motions take
+    # longer than planned, so raise `planner.arrival_timeout`.
     speed_override: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
-    # Largest lead of the commands over a slowed arm [s].
+    # Longest time by which commands may be ahead of a slowed arm [s].
     path_memory: float = dc.field(default=4.0, metadata=positive())
 
     @property

@@ -1,4 +1,4 @@
-"""Limits of joints, tool and touch, and the check of a command."""
+"""Limits of joints, tool and contact forces, and the check of a command."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from drake_srg.arm.safety.config import SafetyConfig
 from drake_srg.common.safety_states import StopReason
 from drake_srg.types import Vector
 
-# Planned motions use a limit fully. An excess by this share is a rounding error.
+# Planned motions use limits fully. An excess up to this share is a rounding error.
 _TOLERANCE = 1e-3
-# Factor by which measured speeds may overshoot commanded ones.
+# Largest measured speed over the limit of commanded speeds.
 _MEASURED_SPEED = 1.2
 # Shares of the model's accelerations; see `SafetyConfig`.
 _ACCELERATION, _STOP = 1.5, 4.0 / 3.0
@@ -31,8 +31,9 @@ class JointLimits:
         lower: Least positions [rad or m].
         upper: Greatest positions [rad or m].
         step: Largest change of position in a period [rad or m].
-        bend: Largest change of that change while running.
-        brake: The same in a stop; greater than `bend`.
+        bend: Largest change of a step from one period to the next, while running [rad
+            or m].
+        brake: The same in a stop; greater than `bend` [rad or m].
     """
 
     lower: Vector
@@ -112,10 +113,10 @@ class JointLimits:
 
         Args:
             q: Its positions, shape (N,) [rad or m].
-            step: Their change since the command before, shape (N,).
+            step: Their change since the previous command, shape (N,).
             last_step: The previous change, shape (N,).
-            stopped: Position at which the arm could stop beyond `q`, shape (N,) [rad or
-                m].
+            stopped: Positions at which the arm would come to rest if it braked at `q`,
+                shape (N,) [rad or m].
         """
         if (np.abs(step) > self.step).any():
             return StopReason.SPEED
@@ -138,7 +139,7 @@ class JointLimits:
         Args:
             measured: The state, shape (2N,) [rad, rad/s].
             q: Expected positions, shape (N,) [rad or m].
-            following_error: Largest deviation from that [rad or m].
+            following_error: Largest deviation from `q` [rad or m].
             period: The control period [s].
         """
         n = len(q)
@@ -157,7 +158,7 @@ class ToolLimits:
     """Limits of the tool's point.
 
     Attributes:
-        position: Returns its position p_WT [m] at joint positions (N,).
+        position: Returns the point's position p_WT [m] at joint positions (N,).
         step: Largest distance in a control period [m].
         lower: Least position in world, shape (3,) [m].
         upper: Greatest position in world, shape (3,) [m].
@@ -176,7 +177,7 @@ class ToolLimits:
 
         Args:
             config: The limits.
-            position: See the attribute.
+            position: See the attribute `position`.
             period: The control period [s].
 
         Raises:
@@ -198,7 +199,8 @@ class ToolLimits:
         Args:
             p_WT: The tool's position in world [m].
             last: The same for the previous command [m].
-            stopped: Joint positions where the arm could stop, shape (N,) [rad or m].
+            stopped: Joint positions at which the arm would come to rest if it braked,
+                shape (N,) [rad or m].
         """
         if np.linalg.norm(p_WT - last) > self.step:
             return StopReason.TOOL_SPEED
@@ -216,8 +218,8 @@ class Command:
 
     Attributes:
         q: Joint positions, shape (N,) [rad or m].
-        step: Their change since the command before, shape (N,).
-        tool: The tool's position p_WT there [m]; NaN if no limit needs it.
+        step: Their change since the previous command, shape (N,).
+        tool: The tool's position p_WT at `q` [m]; NaN if no limit needs it.
     """
 
     q: Vector
@@ -235,15 +237,15 @@ def check_command(
 
     Args:
         q: The command's joint positions, shape (N,) [rad or m].
-        last: The command before.
+        last: The previous command.
         limits: Limits of the joints.
         tool: Limits of the tool, if any.
     """
     if not np.isfinite(q).all():
         return StopReason.NOT_FINITE, last
     step = q - last.q
-    # The arm stops straight, with all joints at the same time. One more step accounts
-    # for rounding up to whole periods.
+    # The arm would stop straight ahead, with all joints at the same time. One more step
+    # accounts for rounding up to whole periods.
     stopped = q + step * (0.5 * limits.braking_periods(step) + 1.0)
     fault = limits.fault(q, step, last.step, stopped)
     p_WT = last.tool
@@ -254,8 +256,8 @@ def check_command(
     return fault, Command(q, step, p_WT) if ok else last
 
 
-# Directions in which a force moves the joints by less than this share of the largest
-# are ignored: near a singular posture, noise would look like an enormous force.
+# Directions in which a force causes less than this share of the largest torques are
+# ignored: near a singular posture, noise would look like an enormous force.
 _RESOLVED = 0.05
 
 
@@ -281,7 +283,7 @@ class Tool:
         self._columns = sorted(j.velocity_start() for j in moving if j.num_velocities())
 
     def position(self, q: Vector) -> Vector:
-        """Return its position p_WT [m] at joint positions (N,) [rad or m]."""
+        """Return the point's position p_WT [m] at joint positions (N,) [rad or m]."""
         self._plant.SetPositions(self._context, self._arm, q)
         X_WT = self._frame.CalcPoseInWorld(self._context)
         p_WT: Vector = X_WT.translation()
@@ -290,8 +292,8 @@ class Tool:
     def force(self, q: Vector, torque: Vector) -> float:
         """Return the size of the force at the point that best explains torques [N].
 
-        It is the least-squares solution of J(q)ᵀ f = torque, for a contact at this
-        point alone. A contact nearer to the base presses harder than this force.
+        It is the least-squares solution of J(q)ᵀ f = torque, for a contact only at this
+        point. The force of a contact nearer to the base is greater than the result.
 
         Args:
             q: Joint positions, shape (N,) [rad or m].
@@ -377,7 +379,7 @@ class TouchLimits:
     def fault(
         self, q: Vector, torque: Vector, since: float, time: float
     ) -> tuple[StopReason, float]:
-        """Return the exceeded limit, if any, and the start of the tool's pressing.
+        """Return the exceeded limit, if any, and the new value of `since`.
 
         Args:
             q: Joint positions, shape (N,) [rad or m].

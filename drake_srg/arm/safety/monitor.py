@@ -34,9 +34,9 @@ from drake_srg.types import Vector
 class Observation:
     """Facts that decide the next state of the monitor."""
 
-    reason: StopReason = StopReason.NONE  # the first reason to stop, if any holds now
-    braked_for: StopReason = StopReason.NONE  # the reason why the arm is being stopped
-    standstill: bool = False  # the commanded arm is at rest
+    reason: StopReason = StopReason.NONE  # the first present reason to stop, if any
+    braked_for: StopReason = StopReason.NONE  # the reason of the stop in progress
+    standstill: bool = False  # the monitor's commands are at rest
     released: bool = False  # the stop has just been acknowledged
 
     @property
@@ -109,8 +109,8 @@ class SafetyMonitor(LeafSystem):
     `state_measured` (2N), [q; v] of the arm; `external_torque` (N) [N m]; `estop` (1),
     nonzero or NaN while the button is pressed; `release` (1), which acknowledges a stop
     when it becomes nonzero; `speed_override` (1), clipped to 0 .. 1, which replaces the
-    configuration's; `heartbeat` (1), the time at which the newest message arrived [s],
-    NaN before the first.
+    configuration's value; `heartbeat` (1), the time at which the newest message arrived
+    [s], NaN before the first.
 
     Outputs: `position_allowed` (N) [rad or m], for the arm's driver; `position_held`
     (N), the same while the arm rests in a stop, otherwise NaN; `state` (2), the indices
@@ -118,11 +118,11 @@ class SafetyMonitor(LeafSystem):
     of the commanded one, 0 .. 1.
 
     Without a fault, each command passes unchanged, one period after the update that
-    read it: outputs change only in updates. On any violation, the arm brakes along the
-    path of the commands, as hard as the limits allow (a category 1 stop, IEC 60204-1).
-    It rests until the cause has ended and the stop is acknowledged. The monitor
-    remembers commands that arrive meanwhile, and after a protective stop the arm
-    continues along them. After an emergency stop, or after a command that broke a
+    read it, because outputs change only in updates. On any violation, the arm brakes
+    along the path of the commands, as hard as the limits allow (a category 1 stop, IEC
+    60204-1). It rests until the cause has ended and the stop is acknowledged. The
+    monitor remembers commands that arrive meanwhile, and after a protective stop, the
+    arm continues along them. After an emergency stop, or after a command that broke a
     limit, the arm waits for commands that begin at its rest position.
 
     `TRANSITIONS` is the table of the states, and `limits.check_command` finds faults of
@@ -134,7 +134,7 @@ class SafetyMonitor(LeafSystem):
         config: All other limits and times.
         period: The control period [s].
         tool: Limits of the tool, if there are any.
-        touch: Limits of what the arm feels, if there are any.
+        touch: Limits of external torques and forces, if there are any.
     """
 
     def __init__(
@@ -241,9 +241,9 @@ class SafetyMonitor(LeafSystem):
     def _condition(
         self, memory: Memory, context: Context, time: float
     ) -> tuple[StopReason, float]:
-        """Return the first present reason to stop, apart from invalid commands, if any.
+        """Return the first present reason to stop, if any, apart from invalid commands.
 
-        The second value is the start of the tool's pressing [s], as in the memory.
+        The second value is the memory's new `pressed_since` [s].
         """
         since = memory.pressed_since
         if not -0.5 <= _value(self._estop, context) <= 0.5:
@@ -271,8 +271,8 @@ class SafetyMonitor(LeafSystem):
         if fault is not StopReason.NONE:
             return fault, command, path
         # After a stop for another reason, the arm may be off the commands' path.
-        behind = np.array_equal(path.end, last.q)
-        if not behind or len(path.ahead) >= self._capacity:
+        continues = np.array_equal(path.end, last.q)
+        if not continues or len(path.ahead) >= self._capacity:
             return StopReason.LAG, last, path
         return fault, command, path.extended(command.q)
 

@@ -24,13 +24,14 @@ _SLACK = 1e-12
 class Path:
     """A point that moves along the line through a sequence of commands.
 
-    Distance on the path counts commands: one per control period at full speed.
+    Distance along the path is measured in commands: at full speed, the point moves by
+    one command in each control period.
 
     Attributes:
         q: Position of the point, shape (N,).
-        step: Its last step, shape (N,).
-        ahead: The commands that it has not reached yet, shape (M, N).
-        passed: Distance of `q` from the command before `ahead`, 0 <= passed < 1.
+        step: The point's last step, shape (N,).
+        ahead: The commands that the point has not reached yet, shape (M, N).
+        passed: Distance of `q` from the last passed command, 0 <= passed < 1.
         tangent: The path's direction at `q`, per command, shape (N,).
     """
 
@@ -42,12 +43,12 @@ class Path:
 
     @classmethod
     def at_rest(cls, q: Vector) -> Path:
-        """Return a path that ends at its point."""
+        """Return a path that consists only of its point."""
         nothing = np.zeros_like(q)
         return cls(q, nothing, np.empty((0, len(q))), 0.0, nothing)
 
     def extended(self, command: Vector) -> Path:
-        """Return the path with one more command; repeated ones add nothing."""
+        """Return the path with one more command, unless it repeats the last one."""
         if np.array_equal(command, self.end):
             return self
         return dc.replace(self, ahead=np.vstack([self.ahead, command]))
@@ -66,10 +67,10 @@ class Path:
         return min(gone / commanded, 1.0) if gone else 0.0
 
     def taken(self, reach: Vector) -> Path | None:
-        """Return the path after a step to its only command, exactly.
+        """Return the path after a step exactly to its only command.
 
-        None if there are others, or if a joint's step would change by more than
-        `reach`, shape (N,).
+        The result is None if there is not exactly one command, or if a joint's step
+        would change by more than `reach`, shape (N,).
         """
         if len(self.ahead) != 1 or self.passed > 0.0:
             return None
@@ -83,9 +84,10 @@ class Path:
         """Return the path one period later.
 
         The point goes the distance nearest to `rate` at which no joint's step changes
-        by more than `reach`. A path that ends before the point can rest continues
-        straight on. If the path is too crooked to follow within `reach`, the point
-        leaves it and brakes as hard as allowed, and the rest of the path is discarded.
+        by more than `reach`. If the path ends before the point can come to rest, the
+        point continues straight on. If the path is too crooked to follow within
+        `reach`, the point leaves it and brakes as hard as allowed, and the rest of the
+        path is discarded.
 
         Args:
             rate: Distance to go, 0 .. 1.
@@ -151,9 +153,10 @@ class Path:
 def _span(
     offset: Vector, direction: Vector, length: float, reach: Vector
 ) -> tuple[float, float] | None:
-    """Return the least and greatest u in 0 .. length with |offset + u direction| small.
+    """Return the least and greatest u with |offset + u direction| <= reach.
 
-    Small means at most `reach` in each entry; None if there is no such u.
+    The condition holds for each entry, and u is in 0 .. length. The result is None if
+    there is no such u.
     """
     low, high = 0.0, length
     for o, d, r in zip(
@@ -175,19 +178,19 @@ _HEAD = 8  # numbers before the vectors
 
 @dc.dataclass(frozen=True)
 class Memory:
-    """The memory of a monitor.
+    """The state of a monitor.
 
     Attributes:
         path: The arm's place on the path of the commands.
         command: The last command that was accepted.
-        state: The state.
+        state: The safety state.
         reason: The reason of a stop.
         rate: Speed along the path, 0 .. 1.
         pressed_since: Time since which the force has exceeded its quasi-static limit
             [s]; infinite if it does not.
         release_pressed: Whether `release` was nonzero in the last update.
-        cut: Whether commands are ignored, because one had a fault or they do not begin
-            at the arm's rest position.
+        cut: Whether commands are no longer followed, because one had a fault or they
+            do not begin at the arm's rest position.
     """
 
     path: Path
@@ -234,15 +237,15 @@ class Memory:
 
     @staticmethod
     def position(flat: Vector, n: int) -> Vector:
-        """Return `path.q` of a vector from `flat`, shape (N,)."""
+        """Return `path.q` from a vector made by `flat`, shape (N,)."""
         return flat[_HEAD : _HEAD + n]
 
     @classmethod
     def of(cls, flat: Vector, ahead: Vector, n: int) -> Memory:
-        """Return the memory from `flat` and the numbers of `path.ahead`.
+        """Return the memory from its vectors.
 
         Args:
-            flat: From `flat`.
+            flat: The vector from the method `flat`.
             ahead: An array that begins with the numbers of `path.ahead`.
             n: Number of joints.
         """

@@ -1,1 +1,1 @@
-"""Imports objects: meshes, URDF and SDF files become models of convex pieces."""
+"""Import of objects: meshes, URDF and SDF files become models of convex pieces."""

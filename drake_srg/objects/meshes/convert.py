@@ -54,7 +54,7 @@ class Part:
         high: Greatest coordinates in L [m].
         source: The geometry, for its contact properties.
         fit: Fit of the pieces to their mesh; None for a primitive.
-        cut: Whether CoACD made them.
+        cut: Whether CoACD made the pieces.
     """
 
     shapes: list[Shape | Vector]
@@ -79,7 +79,7 @@ class MeshReader:
         self._read: dict[tuple[Path, tuple[float, ...]], ReadMesh] = {}
 
     def solid(self, geometry: Geometry) -> TriangleMesh:
-        """Return the whole mesh of a geometry in the link.
+        """Return the whole mesh of a geometry, in the link's frame.
 
         Raises:
             ScenarioError: If a mesh is broken.
@@ -87,7 +87,7 @@ class MeshReader:
         return self._placed(self._mesh(geometry).solid, geometry)
 
     def surfaces(self, geometry: Geometry) -> list[tuple[TriangleMesh, Color | None]]:
-        """Return the surfaces of a geometry by colour, in the link.
+        """Return the surfaces of a geometry by colour, in the link's frame.
 
         Raises:
             ScenarioError: If a mesh is broken.
@@ -110,7 +110,7 @@ class MeshReader:
 
 
 def part_of(geometry: Geometry, reader: MeshReader, most: int) -> Part:
-    """Return the part of a collision geometry.
+    """Return a collision geometry as a part: a primitive, or convex pieces.
 
     Args:
         geometry: The geometry.
@@ -188,7 +188,7 @@ _GREY = (0.7, 0.7, 0.7)
 # placeholders.
 _PLAUSIBLE = 5.0
 _CREASE = 0.7  # edges with larger angles look sharp [rad]
-# Advice if more pieces would not help.
+# Hint for the case that more pieces would not help.
 _ROUND = (
     f"each piece has {MOST_CORNERS} corners at most; a sphere or a cylinder of an SDF "
     "is exact"
@@ -198,16 +198,16 @@ _NEAR = 0.001  # an origin this close to the underside is underneath the object 
 
 @dc.dataclass(frozen=True)
 class Report:
-    """Findings and actions of an import.
+    """Results of an import.
 
     Attributes:
         size: Extents of the pieces along x, y, z [m].
         mass: Mass of the model [kg].
-        volume: Volume of its meshes, or of the pieces of open ones [m³].
+        volume: Volume of closed meshes, and of the pieces of open ones [m³].
         pieces: Number of collision geometries.
-        cut: Whether CoACD made some of them.
-        excess: Largest distance of the pieces' surface outside their mesh [m].
-        gap: Largest distance of the meshes outside their pieces [m].
+        cut: Whether CoACD made some of the pieces.
+        excess: Largest distance by which pieces stand out of their mesh [m].
+        gap: Largest distance by which meshes stand out of their pieces [m].
         warnings: Defects that were mended, and assumptions.
     """
 
@@ -303,7 +303,7 @@ def _origin(
 ) -> Vector:
     """Return the object's origin in the link, p_LO (3,) [m].
 
-    It is in the middle of a single primitive, otherwise underneath the object.
+    It is the centre of a single primitive, otherwise a point at the underside.
     """
     if len(parts) == 1 and not isinstance(parts[0].shapes[0], np.ndarray):
         X_LG = parts[0].X_LG
@@ -328,7 +328,7 @@ def _inertia(
     """Return the spatial inertia of the link about its origin.
 
     Args:
-        contents: Contents of the file, which may have one.
+        contents: Contents of the file, which may have an inertia.
         volume: Inertia of the geometry at 1 kg/m³.
         bounds: Least and greatest coordinates of the geometry.
         warnings: Receives replacements and assumptions.

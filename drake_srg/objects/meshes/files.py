@@ -48,7 +48,7 @@ class Geometry:
         X_LG: Pose of G in the link [m].
         color: Colour of a visual; None: the mesh's own.
         contact: Drake's contact properties as in an SDF, if the file has them.
-        friction: Static and dynamic friction, if an SDF has them for its surface.
+        friction: Static and dynamic friction from an SDF's `surface`, if given.
     """
 
     shape: Shape | MeshFile
@@ -85,9 +85,10 @@ class Contents:
         return list(dict.fromkeys(files))
 
 
-# Extents of an object [m]: the smallest that contact resolves, and the kitchen's table.
+# Smallest and largest extent of an object [m]: contact resolves no less, and the
+# kitchen's table is no larger.
 SMALLEST, LARGEST = 0.003, 1.6
-# glTF is white by default. Its y points up, and the front is z.
+# glTF is white by default. Its y points up, and its z forwards.
 _DEFAULTS: dict[str, Color] = {".glb": (1.0, 1.0, 1.0), ".gltf": (1.0, 1.0, 1.0)}
 _R_UP = RotationMatrix.MakeXRotation(np.pi / 2).matrix()
 
@@ -97,7 +98,7 @@ class ReadMesh:
     """The mesh of a file.
 
     Attributes:
-        solid: All of it, in one mesh.
+        solid: All triangles, in one mesh.
         surfaces: The same triangles by colour; None if the file has no colours.
     """
 
@@ -111,7 +112,7 @@ def require_trimesh() -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    # Our errors and warnings report the content of its log.
+    # Silence its log: our own errors and warnings report the same.
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     return require("trimesh", "import", "Reading a mesh needs")
 
@@ -120,15 +121,14 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
     """Read the mesh of a file.
 
     Coinciding vertices are merged, even across materials, and parts that are inside out
-    are turned. Only closed meshes, such as the pieces of another program, stay
-    separate.
+    are turned. Closed meshes, such as another program's convex pieces, stay separate.
 
     Args:
         file: The file, and metres per unit.
         warnings: Receives the mended defects.
 
     Raises:
-        ScenarioError: If it is not a mesh, or a broken one.
+        ScenarioError: If the file holds no mesh, or a broken one.
         ImportError: If trimesh is missing.
     """
     path, scale, suffix = file.path, file.scale, file.path.suffix.lower()
@@ -170,7 +170,7 @@ def read_mesh(file: MeshFile, warnings: list[str]) -> ReadMesh:
 
 
 def _loaded(source: MeshSource) -> list[TriangleMesh]:
-    """Return trimesh's meshes of a source, placed."""
+    """Return trimesh's meshes of a source, each moved to its place in the scene."""
     trimesh = require_trimesh()
     suffix = source.path.suffix.lower().replace(".glb", ".gltf")
     content = io.BytesIO(source.content)
@@ -184,7 +184,7 @@ def _piece(mesh: TriangleMesh, source: MeshSource, scale: Vector) -> TriangleMes
     """Return one of trimesh's meshes in metres, z up, checked and cleaned.
 
     Raises:
-        ScenarioError: If its numbers cannot be those of a mesh.
+        ScenarioError: If a vertex is not finite, or a triangle names a missing vertex.
     """
     path, vertices = source.path, np.asarray(mesh.vertices, float)
     if not np.all(np.isfinite(vertices)):
@@ -211,7 +211,7 @@ def _piece(mesh: TriangleMesh, source: MeshSource, scale: Vector) -> TriangleMes
 
 
 def _joined(pieces: list[TriangleMesh]) -> TriangleMesh:
-    """Return meshes as one; open ones share coinciding vertices."""
+    """Return one mesh of all pieces; open ones come first and share vertices."""
     trimesh = require_trimesh()
     opened = trimesh.util.concatenate([p for p in pieces if not p.is_watertight])
     if not opened:
@@ -229,7 +229,7 @@ def check_size(
         path: Its file, for error messages.
         low: Its least coordinates, shape (3,) [m].
         high: Its greatest coordinates, shape (3,) [m].
-        mesh: The mesh that has this extent; None for all of a URDF or SDF.
+        mesh: The mesh with this extent; None for the whole of a URDF or SDF.
 
     Raises:
         ScenarioError: If the extent is too large, too small or too flat.
@@ -278,7 +278,7 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
 
 
 def _turn_outside_out(mesh: TriangleMesh, warnings: list[str]) -> None:
-    """Turn the faces of a mesh's closed parts outwards; they keep their order."""
+    """Turn the faces of a mesh's closed parts outwards; faces keep their order."""
     groups = require_trimesh().graph.connected_components(
         mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1
     )
@@ -303,7 +303,7 @@ def _turn_outside_out(mesh: TriangleMesh, warnings: list[str]) -> None:
 
 
 def describe_openness(mesh: TriangleMesh) -> str:
-    """Return what keeps a mesh from being closed, and where; empty if it is closed."""
+    """Return why a mesh is not closed, and where it is open; empty if it is closed."""
     if mesh.is_volume:
         return ""
     if not mesh.is_watertight:

@@ -1,4 +1,4 @@
-"""URDF and SDF files: their links, and objects of one link."""
+"""Readers of links in URDF and SDF files, among them objects with one link."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
         warnings: Receives the mended defects: an invalid header is removed.
 
     Raises:
-        ScenarioError: If it cannot be read, or is an input of xacro.
+        ScenarioError: If the file cannot be read, or is an input of xacro.
     """
     text = re.sub(
         "<!--.*?-->",
@@ -77,14 +77,15 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
 def is_complete(path: Path, root: ET.Element) -> bool:
     """Return whether Drake can read a tree unchanged, as an object.
 
-    It can if the tree is an SDF with a possible inertia and convex collision pieces.
+    It can if the tree is an SDF with a valid inertia and convex collision pieces.
 
     Args:
         path: The tree's file.
         root: The tree.
 
     Raises:
-        ScenarioError: If it is an SDF, but not of one free link, or has wrong numbers.
+        ScenarioError: If it is an SDF, but does not have one free link, or has wrong
+            numbers.
     """
     if root.tag != "sdf":
         return False
@@ -106,7 +107,7 @@ def read_link(path: Path) -> Contents:
     """Read a URDF or SDF file with one free link.
 
     Raises:
-        ScenarioError: If it cannot be read, has several links, or has other geometry
+        ScenarioError: If it cannot be read, has several links, or has geometry other
             than boxes, cylinders, spheres and meshes.
     """
     read = open_model(path)
@@ -149,7 +150,7 @@ _OTHER_FRICTION = ("gazebo//mu1", "contact/lateral_friction", "contact_coefficie
 
 
 class SdfReader:
-    """Reads the elements of an SDF file, whose values are also elements.
+    """Reads the elements of an SDF file. Their values are child elements.
 
     Attributes:
         path: The file.
@@ -176,7 +177,7 @@ class SdfReader:
         """Return the only link.
 
         Raises:
-            ScenarioError: If there are several, or it is not free.
+            ScenarioError: If there is not exactly one link, or it cannot move freely.
         """
         found = self.root.findall(self.link)
         links = [link for link in found if link.get("drake_ignore") != "true"]
@@ -190,7 +191,7 @@ class SdfReader:
         self._name = links[0].get("name")
         return links[0]
 
-    _name: str | None = None  # of the link that is read
+    _name: str | None = None  # of the link that is being read
 
     def _refuse(self, problem: str) -> NoReturn:
         raise ScenarioError(f"{self.path}: {problem}")
@@ -322,12 +323,12 @@ class SdfReader:
             return mass, SpatialInertia.MakeFromCentralInertia(
                 mass, X_LI.translation(), I_I.ReExpress(X_LI.rotation())
             )
-        except RuntimeError:  # no body has these moments
+        except RuntimeError:  # no physical body has these moments
             return mass, None
 
 
 class UrdfReader(SdfReader):
-    """Reads the elements of a URDF file, whose values are attributes."""
+    """Reads the elements of a URDF file. Their values are attributes."""
 
     link, joint, mesh = "link", "joint", "filename"
 
@@ -350,7 +351,7 @@ class UrdfReader(SdfReader):
         if material is None:
             return None
         name = material.get("name")
-        # As in Drake, a name has the same meaning in the whole file.
+        # As in Drake, a material's name has the same meaning in the whole file.
         same = (m for m in self.root.iter("material") if name and m.get("name") == name)
         for candidate in (material, *same):
             rgba = self.text(candidate.find("color"), "rgba")
@@ -374,8 +375,9 @@ class UrdfReader(SdfReader):
 def resolved(path: Path, uri: str) -> Path:
     """Return the file that a URI in a file names: relative, absolute or in a package.
 
-    A package is ours, one whose package.xml is above the file, or a folder of that name
-    above or beside it. Unlike in Drake, escapes such as `%20` for a space are allowed.
+    A package is ours, or a folder above the file whose package.xml has that name, or a
+    folder of that name in one of the folders above. Unlike in Drake, escapes such as
+    `%20` for a space are allowed.
 
     Raises:
         ScenarioError: If there is no such file.

@@ -47,7 +47,7 @@ def cache_folder() -> Path:
 
 
 def cached_folder(key: str, make: Callable[[Path], None]) -> Path:
-    """Return the folder of a key; make it if it is missing or damaged.
+    """Return the cache's folder for a key; make it if it is missing or damaged.
 
     The folder appears only when complete, so several processes can share a cache.
 
@@ -73,7 +73,7 @@ def cached_folder(key: str, make: Callable[[Path], None]) -> Path:
                 folder.rename(Path(there) / "damaged")
             try:
                 new.rename(folder)
-            except OSError:  # another process was faster; its folder is as good
+            except OSError:  # another process was faster; use its folder
                 if not folder.is_dir():
                     raise
     except OSError as error:
@@ -85,7 +85,7 @@ def cached_folder(key: str, make: Callable[[Path], None]) -> Path:
 
 
 def copy_folder(folder: Path, to: Path) -> None:
-    """Copy a folder of the cache, without the cache's own file."""
+    """Copy a folder of the cache, without its manifest."""
     shutil.copytree(folder, to, ignore=shutil.ignore_patterns(_MANIFEST))
 
 
@@ -119,7 +119,8 @@ def model_tree(name: str, config: ObjectConfig) -> ET.Element:
 
     Raises:
         ScenarioError: If the file cannot be read or is broken.
-        ImportError: If a mesh needs packages of the extra `import`.
+        ImportError: If a mesh needs packages of the extra `import`, and they are
+            missing.
     """
     try:
         path = resolve(str(config.model))
@@ -181,7 +182,7 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
 
 
 def model_files(path: Path) -> list[Path]:
-    """Return the files that make up a model: its own, and meshes, materials, textures.
+    """Return all files of a model: itself, and its meshes, materials and textures.
 
     Missing and unreadable files are left out.
     """
@@ -207,12 +208,12 @@ def _stamps(path: Path) -> Stamps:
 
 @functools.lru_cache(maxsize=256)
 def _named_files(path: Path, changed: int, size: int) -> list[Path]:
-    """Return the other files from which a file of a model is converted."""
+    """Return the other files that the conversion of a model's file reads."""
     try:
         if path.suffix.lower() not in _XML:
             return read_source(path).neighbours
         if _taken(path, changed, size) is not None:
-            return []  # Drake reads them each time
+            return []  # Drake reads the other files each time
         return read_link(path).mesh_files()
     except ScenarioError:  # reported when it is read
         return []
@@ -229,7 +230,7 @@ def _taken(path: Path, _changed: int, _size: int) -> ET.Element | None:
 
 @functools.lru_cache(maxsize=256)
 def _tree(path: Path, stamps: Stamps, scale: float, pieces: int) -> ET.Element:
-    """Return the tree of a file; `stamps` are the times of their last changes."""
+    """Return the tree of a file; `stamps` is the cache's key for changed files."""
     if scale == 1.0 and stamps and (root := _taken(*stamps[0])) is not None:
         return root
     folder = import_model(path, scale, pieces)
@@ -243,8 +244,7 @@ def _completed(root: ET.Element, path: Path) -> ET.Element:
     for uri in root.iterfind(".//geometry/mesh/uri"):
         text = (uri.text or "").strip()
         if not text.startswith(_OURS):
-            # Drake reads the text after `file://` literally, so no character is
-            # escaped.
+            # Drake reads the text after `file://` literally, so escape nothing.
             uri.text = f"file://{resolved(path, text).absolute()}"
     for collision in root.iter("collision"):
         shapes = [shape.tag for shape in collision.findall("geometry/*")]
@@ -254,7 +254,7 @@ def _completed(root: ET.Element, path: Path) -> ET.Element:
             radii = (radius or collision.findtext("geometry/*/radii") or "").split()
             length = facet_length(min(map(float, radii))) if radii else None
             AddContact(collision, length, ode_friction(collision, path))
-            for surface in collision.findall("surface"):  # Drake would warn of it
+            for surface in collision.findall("surface"):  # Drake would warn about it
                 collision.remove(surface)
     return root
 
@@ -264,7 +264,7 @@ _SHAPES = ("box", "capsule", "cylinder", "ellipsoid", "mesh", "sphere")
 
 
 def _key(files: list[Path], options: str) -> str:
-    """Return a key of the files' contents, the options and the code that reads them."""
+    """Return a key for the files' contents, the options and the converter's code."""
     digest = hashlib.sha256(options.encode())
     for package in ("trimesh", "coacd"):
         try:

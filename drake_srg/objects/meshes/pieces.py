@@ -1,4 +1,4 @@
-"""Cuts meshes into convex pieces with few corners, and measures their fit."""
+"""Convex pieces with few corners that represent meshes, and measures of their fit."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from drake_srg.objects.meshes.files import (
 )
 from drake_srg.types import Vector
 
-# Greatest number of a piece's corners. In contact, hulls with 24 corners take 0.4 times
-# the time of untouched ones.
+# Greatest number of a piece's corners. In contact, hulls reduced to 24 corners take 0.4
+# times the time of the full hulls.
 MOST_CORNERS = 24
-# Largest distance of hulls from the mesh that they replace [m].
+# Largest distance between hulls and the mesh that they replace [m].
 TOLERANCE = 0.002
 # A corner that stands out by less than this is left out [m].
 _FINE = 5e-5
@@ -58,8 +58,8 @@ def convex_pieces(
 ) -> tuple[list[Vector], bool]:
     """Return the corners of convex pieces that represent a mesh.
 
-    A convex part, such as one cut by another program, stays one piece. CoACD cuts the
-    others.
+    A convex part, such as one cut by another program, stays one piece. CoACD cuts all
+    other parts.
 
     Args:
         mesh: The mesh.
@@ -98,10 +98,10 @@ def convex_pieces(
 def decimated(points: Vector) -> Vector:
     """Return the corners of a simpler hull that replaces the hull of points.
 
-    Starting from the extreme points along 14 directions, it repeatedly adds the point
-    that stands out most, until all are within 0.05 mm or there are `MOST_CORNERS`. If
-    points still stand out by more than the tolerance, the hull grows by half of that
-    distance.
+    It starts from the extreme points along 14 directions, and repeatedly adds the point
+    that stands out most, until all points stand out by less than 0.05 mm or there are
+    `MOST_CORNERS`. If a point still stands out by more than the tolerance, the hull
+    grows by half of that distance.
 
     Args:
         points: Shape (n, 3) [m].
@@ -130,7 +130,7 @@ def decimated(points: Vector) -> Vector:
 
 
 def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
-    """Measure the distance between a mesh and the hulls of its pieces, both ways.
+    """Measure the distances between a mesh and the hulls of its pieces, both ways.
 
     Args:
         mesh: The mesh.
@@ -154,7 +154,7 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     owner = np.repeat(np.arange(len(pieces)), [len(p) for p in touched])
     others = depths(points)
     others[owner, np.arange(len(points))] = np.inf
-    points = points[others.min(axis=0) > -1e-5]  # hidden triangles have no contact
+    points = points[others.min(axis=0) > -1e-5]  # inner surfaces have no contact
     if len(mesh.faces) <= _NEAREST:
         candidates = np.tile(np.arange(len(mesh.faces)), (len(points), 1))
     else:
@@ -194,7 +194,7 @@ def _is_convex(part: TriangleMesh) -> bool:
 def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
     """Return the vertices of CoACD's pieces.
 
-    It runs in its own process, because its C++ code cannot be interrupted.
+    CoACD runs in its own process, because its C++ code cannot be interrupted.
     """
     require("coacd", "import", "Cutting a mesh into convex pieces needs")
     logging.getLogger("drake_srg").warning(
@@ -217,14 +217,14 @@ def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
             return [pieces[key] for key in pieces.files]
 
 
-# The process also ends if a signal kills the parent; on Linux only.
+# On Linux, this ends the process when a signal kills its parent.
 _DIE_WITH_PARENT = """
 import ctypes, signal, sys
 if sys.platform == "linux":
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 """
-# Its threshold is in metres. A shallower search than by default takes a fraction of the
-# time.
+# The threshold is in metres. The search is shallower than CoACD's default, and takes a
+# fraction of the time.
 _COACD = """
 import sys
 from pathlib import Path

@@ -1,6 +1,6 @@
 """The bytes of a mesh file, and of all files that it refers to.
 
-Readers get only these bytes, so the cache's key covers everything that they read.
+Readers of meshes get only these bytes, so a cache key made from them is complete.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class MeshSource:
     def neighbour(self, *names: str) -> bytes | None:
         """Return the bytes of the first name that is a file, or None.
 
-        Names are relative to the mesh's folder. An absolute name from another machine
-        is also looked for in that folder.
+        Names are relative to the mesh's folder. A name with folders, such as a path on
+        another machine, may also be a file in the mesh's folder itself.
         """
         for name in names:
             plain = name.replace("\\", "/")
@@ -143,9 +143,9 @@ def _whole_stl(source: MeshSource) -> MeshSource:
 
 
 def _with_materials(source: MeshSource) -> MeshSource:
-    """Return an OBJ with the texts of its material files under the requested name."""
+    """Return an OBJ with the texts of all its material files as one file."""
     text = "\n".join(line.strip() for line in decoded(source.content).splitlines())
-    # The reader accepts only blanks, and no comments after numbers.
+    # trimesh accepts only blanks as separators, and no comments after numbers.
     text = re.sub(r"^(vn?|vt|f)\s[^#\n]*", _with_blanks, text, flags=re.MULTILINE)
     text = re.sub(r"^((?:vn?|vt|f) [^#\n]*)#.*", r"\1", text, flags=re.MULTILINE)
     if re.search(r"^f .*?(?<![\d/.-])0+(?![\d.])", text, re.MULTILINE):
@@ -156,14 +156,14 @@ def _with_materials(source: MeshSource) -> MeshSource:
         return found
     materials = ""
     for line in lines:
-        # One name with spaces, or several names.
+        # The line has one name with spaces, or several names.
         names = [line] if found.neighbour(line) is not None else line.split()
         for name in names:
             materials += decoded(found.add(name, name)) + "\n"
     for line in re.findall(r"^\s*map_Kd\s(.*)$", materials, re.M | re.I):
         name = line.strip()  # options come before the name
         found.add(name, name, name.split()[-1] if name.split() else "")
-    # The reader requests one file: the text after the first "mtllib".
+    # trimesh requests one file: the text after the first "mtllib".
     asked = re.search(r"mtllib([^\n]*)", text)
     assert asked is not None
     found.files[asked[1].strip()] = materials.encode()
@@ -180,18 +180,18 @@ def _with_blanks(line: re.Match[str]) -> str:
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4"}
 _COMPONENTS |= {5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3}  # of indices and positions
-# Extensions that do not change the geometry or that the reader supports.
+# Extensions that do not change the geometry or that trimesh supports.
 _KNOWN = re.compile(
     "KHR_mesh_quantization|KHR_texture_transform|KHR_materials_.*|KHR_lights_punctual"
     "|KHR_texture_basisu|EXT_texture_.*|KHR_xmp.*"
 )
 _COMPRESSION = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 _TRIANGLES, _STRIP = 4, 5
-_MOST = 100_000_000  # most entries of an accessor; they may take no bytes
+_MOST = 100_000_000  # entries of an accessor; without content, they take no bytes
 
 
 class _Gltf:
-    """A glTF file, simplified for a reader of the core format.
+    """A glTF file, simplified to the part of the format that trimesh reads correctly.
 
     trimesh (5.2) reads sparse accessors as zeros and normalized integers as lengths,
     and silently skips everything that it does not support.
@@ -203,10 +203,10 @@ class _Gltf:
         self._buffers: list[bytes] = []
 
     def plain(self) -> MeshSource:
-        """Return the file as JSON whose buffers and images are files.
+        """Return the file as JSON whose buffers and images are separate files.
 
         Raises:
-            ScenarioError: If it needs a feature that none of our readers supports.
+            ScenarioError: If it needs a feature that is not supported.
         """
         tree = self._tree
         version = str(tree.get("asset", {}).get("version", "?"))

@@ -48,7 +48,7 @@ def test_an_uncertain_part_of_the_object_is_no_obstacle():
         ),
         (
             "objects.crate.known_scale=3.0",
-            r"arms\.left\.gripper: knows no grasp from above of an end wall",
+            r"arms\.left\.gripper: cannot grasp an end wall",
         ),
     ],
 )
