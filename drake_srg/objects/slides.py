@@ -4,7 +4,12 @@ import dataclasses as dc
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuator, PdControllerGains
+from pydrake.multibody.tree import (
+    Joint,
+    JointActuator,
+    PdControllerGains,
+    RevoluteJoint,
+)
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
@@ -103,3 +108,14 @@ def _actuator(plant: MultibodyPlant, name: str) -> JointActuator:
             f"slides.{name}: needs exactly one actuated joint, got {len(found)}"
         )
     return found[0]
+
+
+def _inertia(joint: Joint) -> float:
+    """Return what a joint's actuator accelerates: mass [kg], or inertia [kg m²]."""
+    body = joint.child_body()
+    if not isinstance(joint, RevoluteJoint):
+        return float(body.default_mass())
+    X_BJ = joint.frame_on_child().GetFixedPoseInBodyFrame()
+    M_BJ_B = body.default_spatial_inertia().Shift(X_BJ.translation())
+    axis_B = X_BJ.rotation() @ joint.revolute_axis()
+    return float(axis_B @ M_BJ_B.CalcRotationalInertia().CopyToFullMatrix3() @ axis_B)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
@@ -40,6 +41,23 @@ def make_plant(name="tray", time_step=0.005):
     SetSlideGains(plant, name)
     plant.Finalize()
     return builder, plant
+
+
+def test_the_gains_of_a_turntable_come_from_its_moment_of_inertia():
+    """A plate of 2 kg whose center is 0.3 m from the axis."""
+    plant = MultibodyPlant(0.005)
+    model = plant.AddModelInstance("table")
+    cube = UnitInertia.SolidCube(0.1)
+    M = SpatialInertia.MakeFromCentralInertia(2.0, [0.3, 0.0, 0.0], 2.0 * cube)
+    plate = plant.AddRigidBody("plate", model, M)
+    axis = RevoluteJoint("axis", plant.world_frame(), plate.body_frame(), [0, 0, 1])
+    plant.AddJointActuator("motor", plant.AddJoint(axis), 100.0)
+    SetSlideGains(plant, "table")
+    plant.Finalize()
+    inertia = plant.CalcMassMatrix(plant.CreateDefaultContext())[0, 0]
+    gains = plant.GetJointActuatorByName("motor").get_controller_gains()
+    assert gains.p == pytest.approx(inertia * 40.0**2)
+    assert gains.d == pytest.approx(2.0 * inertia * 40.0)
 
 
 @pytest.mark.parametrize("time_step", [0.005, 0.0])
