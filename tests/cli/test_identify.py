@@ -49,7 +49,7 @@ def test_it_writes_a_scenario_that_runs(quick, tmp_path, capsys):
     assert main(["identify", "vendor", "-o", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "stall_current" in printed
-    assert "cannot tell" in printed
+    assert "cannot determine" in printed
     drive = load_scenario(out).gripper.drive
     assert drive.dead_band == pytest.approx(0.05)
     assert drive.friction.gear_load == pytest.approx(0.4, rel=0.01)

@@ -78,7 +78,7 @@ def test_an_object_that_lies_on_its_goal_is_misplaced():
 def test_an_arm_that_does_not_arrive_fails_as_stopped():
     world = World(arrival_timeout=0.5)
     world.arm_follows = False
-    world.fail(Failure.STOPPED, "in its way")
+    world.fail(Failure.STOPPED, "blocks it")
     assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, Mode.FAILED]
 
 
