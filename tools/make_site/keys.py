@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -78,6 +79,7 @@ def keys_pages() -> dict[str, str]:
     }
 
 
+@functools.cache
 def _sections() -> dict[str, list[Key]]:
     """Return all keys by the first part of their paths."""
     sections: dict[str, list[Key]] = {}

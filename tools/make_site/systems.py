@@ -59,7 +59,8 @@ def parse_block(text: str) -> dict[str, Any]:
     """Return name and ports of a block, given the text behind its directive."""
     body = re.match(r"(?: *\n)*((?: +[^\n]*\n?)+)", text)
     assert body, "an empty pydrake_system block"
-    return {"input_ports": [], "output_ports": [], **yaml.safe_load(body[1])}
+    ports: dict[str, Any] = {"input_ports": [], "output_ports": []}
+    return ports | yaml.load(body[1], yaml.CSafeLoader)
 
 
 def room_of(module: str) -> str:

@@ -1,10 +1,17 @@
 """Meshes in files, without a mesh library."""
 
 import base64
+import importlib.util
 import json
 import struct
 
 import numpy as np
+import pytest
+
+# Not imported with the tests: it takes a second, and every worker collects all files.
+NEEDS_TRIMESH = pytest.mark.skipif(
+    importlib.util.find_spec("trimesh") is None, reason="the extra `import`"
+)
 
 # Corners of a unit cube around the origin, and its faces seen from outside.
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5

@@ -14,9 +14,16 @@ from drake_srg.objects.household import object_facts
 from drake_srg.objects.meshes import pieces
 from drake_srg.objects.meshes.files import MeshFile, read_mesh
 from drake_srg.objects.meshes.links import read_link
-from objects.meshes.made_meshes import box, gltf, write_glb, write_obj, write_stl
+from objects.meshes.made_meshes import (
+    NEEDS_TRIMESH,
+    box,
+    gltf,
+    write_glb,
+    write_obj,
+    write_stl,
+)
 
-trimesh = pytest.importorskip("trimesh")  # of the extra `import`
+pytestmark = NEEDS_TRIMESH
 BOX = box([0.04, 0.05, 0.06])
 CUT = "<cylinder radius='0.03' length='0.1'/>"
 URDF = (
@@ -50,6 +57,8 @@ def content_of(suffix, folder):
         case ".stl":
             write_stl(path, BOX)
         case ".bin.stl":
+            import trimesh
+
             path.write_bytes(trimesh.Trimesh(*BOX).export(file_type="stl"))
         case ".glb":
             write_glb(path, *gltf(BOX, material={}))

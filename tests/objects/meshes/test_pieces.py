@@ -18,12 +18,14 @@ from drake_srg.objects.meshes.pieces import (
     decimated,
     measure_fit,
 )
-from objects.meshes.made_meshes import box, cup, elbow, joined
+from objects.meshes.made_meshes import NEEDS_TRIMESH, box, cup, elbow, joined
 
-trimesh = pytest.importorskip("trimesh")  # of the extra `import`
+pytestmark = NEEDS_TRIMESH
 
 
 def mesh(parts):
+    import trimesh
+
     return trimesh.Trimesh(*parts, process=False)
 
 

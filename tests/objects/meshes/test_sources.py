@@ -9,6 +9,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.meshes.files import MeshFile, read_mesh
 from drake_srg.objects.meshes.sources import read_source
 from objects.meshes.made_meshes import (
+    NEEDS_TRIMESH,
     QUADS,
     box,
     gltf,
@@ -18,7 +19,7 @@ from objects.meshes.made_meshes import (
     write_stl,
 )
 
-pytest.importorskip("trimesh")  # of the extra `import`
+pytestmark = NEEDS_TRIMESH
 SIZE = [0.04, 0.06, 0.05]  # in glTF, y is up
 
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
 from drake_srg.planning.motion.time_parameterization import on_demand
-from drake_srg.planning.motion.toppra_parameterization import toppra_parameterization
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 from experiments.speed import solve_with_drake
 
@@ -20,6 +19,13 @@ MIDDLE = np.array([0.0, 0.2, 0.0, -1.5, 0.0, 1.2, 0.0])  # of the iiwa [rad]
 
 unit = st.floats(-1.0, 1.0)
 share = st.floats(0.2, 1.0)
+
+
+def toppra_parameterization(*arguments):
+    """Call ours, imported only here: every worker collects, and toppra takes long."""
+    from drake_srg.planning.motion import toppra_parameterization as module
+
+    return module.toppra_parameterization(*arguments)
 
 
 @st.composite

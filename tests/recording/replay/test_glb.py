@@ -2,7 +2,6 @@ import io
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import Box, Sphere
@@ -81,6 +80,8 @@ def test_images_are_inside_in_their_order():
 
 def test_another_reader_finds_the_same_scene():
     """trimesh turns z up into y up, as every viewer does."""
+    import trimesh
+
     scene = trimesh.load(io.BytesIO(write_glb([moving()], {})), file_type="glb")
     (mesh,) = scene.geometry.values()
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [1, 2, 3])

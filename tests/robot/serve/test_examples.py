@@ -154,8 +154,13 @@ def test_the_example_closes_and_opens_both_hands():
     domain = str(free_domain())
     serve = [sys.executable, "-m", "drake_srg", "serve", "gripper_bench_fast"]
     options = ["--dex1", "left,right", "--domain", domain, "--no-record", "--rate", "0"]
+    # One step of the plant per control period: nothing is in the hands.
+    longer = ["--set", "object.present=false", "--set", "plant_config.time_step=0.005"]
     served = subprocess.Popen(
-        [*serve, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*serve, *options, *longer],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     clients = []
     try:
@@ -167,8 +172,15 @@ def test_the_example_closes_and_opens_both_hands():
             )
             for side in ("left", "right")
         ]
+
+        def ended():
+            return served.poll() is not None or None not in [c.poll() for c in clients]
+
+        # The clients would wait on for a server that has ended.
+        assert wait_until(ended, timeout=300.0), "the clients do not end"
+        assert served.poll() is None, served.stderr.read()
         for client in clients:
-            out, _ = client.communicate(timeout=300)
+            out, _ = client.communicate()
             assert client.returncode == 0
             closed, opened = out.splitlines()
             # An empty hand; the spool stops a little before 0 %.
