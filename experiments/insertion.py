@@ -96,4 +96,9 @@ insertion_turn = ex.Experiment(
     lambda: ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059)),
     turn_trial,
     by=("direction", "radius"),
+    picture=[
+        ex.Bars([f"turn at {force:g} N" for force in FORCES]),
+        ex.Bars(["held up to"]),
+        ex.Bars(["fallen"]),
+    ],
 )

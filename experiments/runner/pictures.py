@@ -130,8 +130,8 @@ class Curves(_Plot):
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
         measures = [self.y] if isinstance(self.y, str) else list(self.y)
-        words = ", ".join(m + _STYLED[k % 4] for k, m in enumerate(measures))
-        style_axes(axes, xlabel=self.x, ylabel=textwrap.fill(words, 36))
+        words = ",\n".join(m + _STYLED[k % 4] for k, m in enumerate(measures))
+        style_axes(axes, xlabel=self.x, ylabel=words)
         for name, color, before, own in self._groups(trials, by):
             for entry in own:
                 for k, measure in enumerate(measures, before):
@@ -162,7 +162,8 @@ class Points(_Plot):
                 x, y, _MARKERS[before % 4], ms=4, alpha=0.7, color=color, label=name
             )
         if self.equal:
-            axes.axline((0.0, 0.0), slope=1.0, color="k", ls="--", lw=0.8)
+            middle = np.nanmean(_values(trials.where(**self.where), self.x))
+            axes.axline((middle, middle), slope=1.0, color="k", ls="--", lw=0.8)
         self._finish(axes)
 
 

@@ -77,7 +77,7 @@ def test_a_name_has_the_same_colour_in_all_panels():
 
 def test_a_label_tells_the_style_of_each_measure():
     (axes,) = drawn(ex.Curves("x", ("y", "z"))).axes
-    assert axes.get_ylabel() == "y, z (dashed)"
+    assert axes.get_ylabel() == "y,\nz (dashed)"
 
 
 def test_pictures_that_a_function_draws_have_the_title():
