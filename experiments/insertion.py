@@ -45,7 +45,7 @@ def told_trial(failure: str) -> ex.Measures:
 
 
 insertion_told = ex.Experiment(
-    "Impossible insertions are reported by name, with no more force than allowed.",
+    "Impossible insertions: the cause that is reported, and the force on the hole.",
     lambda: ex.grid(failure=HOLES),
     told_trial,
     {
