@@ -139,7 +139,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 before_modification = ex.Experiment(
-    "What mended the five-axis arm after its beginning: fingertips or tip frame.",
+    "Fingertips or tip frame: which change repaired the first five-axis arm.",
     cases,
     trial,
     whole=whole,

@@ -1,4 +1,4 @@
-"""How accurately cameras are calibrated, fixed and in the hand, and what that is for.
+"""Accuracy of camera calibration, fixed and in the hand, and of locating objects then.
 
 In simulation, the true calibration is known. Some runs render images with noise and
 blur while the arm moves, and find the board's corners in them. Synthetic runs draw
@@ -244,7 +244,7 @@ def _quality(errors: Vector, share: float) -> ex.Values:
 
 
 calibration = ex.Experiment(
-    "How accurately cameras are calibrated, fixed and in the hand, and what for.",
+    "Accuracy of camera calibration, fixed and in the hand, and of locating objects.",
     lambda: ex.grid(camera=CELLS),
     trial,
     whole=whole,

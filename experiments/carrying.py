@@ -1,4 +1,4 @@
-"""How far a cylinder slides in the hand that carries it, at several time steps.
+"""The slide of a cylinder in the hand that carries it, at several time steps.
 
 Contact without slip gives a held object the hand's velocity at the beginning of each
 step. The step then moves the object along a straight line, while the joints move the
@@ -88,7 +88,7 @@ def at_step_0(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 carrying = ex.Experiment(
-    "How far a cylinder slides in the hand that carries it, at several time steps.",
+    "The slide of a cylinder in the hand that carries it, at several time steps.",
     cases,
     trial,
     {

@@ -1,9 +1,9 @@
-"""A wrapped and a pinched can, with halved time steps and refined meshes.
+"""Convergence of a wrapped and a pinched can with smaller time steps and finer meshes.
 
 Each variant changes one thing in the accurate bench: the plant's time step, the facets
-of the can, or the mesh of the pads. Between the two finest variants, an angle may
-differ by as much as moves a fingertip, 0.11 m from the base hinge, by 2 mm. A force may
-differ by a tenth.
+of the can, or the mesh of the pads. Between the two finest variants, a force
+may differ by a tenth. An angle may differ by what moves a fingertip, 0.11 m from the
+base hinge, by 2 mm.
 """
 
 import numpy as np

@@ -220,7 +220,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 envelope = ex.Experiment(
-    "Where the five-axis arm can grasp a leaning or lying cylinder and stand it up.",
+    "Places where the five-axis arm can stand a leaning or lying cylinder upright.",
     cases,
     trial,
     {

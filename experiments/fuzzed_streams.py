@@ -62,10 +62,10 @@ FAULTS = (
 )
 
 
-def spoil(  # noqa: PLR0912 (a branch a fault)
+def spoil(  # noqa: PLR0912 (one branch per fault)
     told: Told, fault: str, random: np.random.Generator
 ) -> None:
-    """Change what is told as a fault of `FAULTS` does; "silence" changes nothing."""
+    """Spoil a message by a fault of `FAULTS`; "silence" changes nothing."""
     n = told.n
     match fault:
         case "NaN":

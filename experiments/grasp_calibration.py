@@ -146,7 +146,7 @@ COMMON: dict[str, Any] = {
     },
 }
 grasp_calibration = ex.Experiment(
-    "Where closing fingers move a cylinder, and the frames that correct for it.",
+    "The shift of a cylinder by closing fingers, and frames that correct for it.",
     preset={"scenario": "assistive_arm"},
     **COMMON,
 )

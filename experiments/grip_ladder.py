@@ -90,7 +90,7 @@ grip_ladder = ex.Experiment(
     cases,
     trial,
     picture=[
-        ex.Points("effort", measure, label=["width"])
+        ex.Points("effort", measure, label=["width [m]"])
         for measure in ("wire force [N]", "pad force [N]")
     ],
     files=ladder,

@@ -67,7 +67,7 @@ def press_bench(scenario: str, most: float, position_gain: float) -> Scenario:
 def warm(scenario: str, row: LogRow) -> float:
     """Return the time for a motor to warm by `RISE` at a row's current [s].
 
-    The heat of the current before it is still on its way.
+    The winding still holds heat of the current before it.
     """
     motor = load_scenario(scenario).gripper.wire_motor
     drive, heat = motor.drive, motor.temperature
@@ -92,7 +92,7 @@ def warm(scenario: str, row: LogRow) -> float:
 
 
 def trial(model: str) -> ex.Measures:
-    """Run the vendor's test on a model; presses one after the other, as it did."""
+    """Run the vendor's test on a model, with its presses in the same order."""
     measured = vendor_log()
     most = max(row.load for row in measured if row.test != "heating") / FULL_LOAD
     stand = ServoStand(press_bench(MODELS[model], most, GAINS[model]), model)

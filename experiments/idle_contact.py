@@ -1,4 +1,4 @@
-"""Whether fingers that press on each other chatter when the hand is closed on nothing.
+"""Chatter of fingers that press on each other when the hand is closed on nothing.
 
 Both fingers press on each other with the full force of their driver, at several time
 steps. They do so for as long as the payload experiments hold a load. When the hand
@@ -48,7 +48,7 @@ def trial(driver: str, hand: str, step: str) -> ex.Measures:
 
 
 idle_contact = ex.Experiment(
-    "Whether fingers that press on each other chatter when closed on nothing.",
+    "Chatter of fingers that press on each other when the hand is closed on nothing.",
     lambda: ex.grid(driver=DRIVERS, hand=HANDS, step=STEPS),
     trial,
     {

@@ -3,8 +3,8 @@
 `insertion_told` checks that the planner names the cause if an insertion is impossible:
 a plate without a hole, a hole that is 0.05 mm too narrow, and a hole with a plug in it.
 
-`insertion_turn` presses on the end of a held peg. Soft fingers alone might lead a peg
-into a hole, if they gave way and came back.
+`insertion_turn` presses on the end of a held peg with rising force, until it leaves the
+pads. Soft fingers alone might lead a peg into a hole, if they gave way and came back.
 """
 
 import numpy as np
@@ -31,6 +31,7 @@ MOST_FORCE = 30.0  # between peg and hole [N]
 # A case is known to miss it.
 _THROWN = "a peak of a single step, of unknown cause; 19 N with half the step"
 FORCES = (1.5, 3.0, 6.0, 15.0)  # on the end of a held peg [N]
+_LENGTH = 0.1  # of the peg that is turned [m]
 _PALM = 0.226  # height of the palm over the table; the pads hold the peg's middle [m]
 
 
@@ -38,13 +39,13 @@ def told_trial(failure: str) -> ex.Measures:
     changes = [HOLES[failure], "planner.tries=1"]
     metrics = Simulate(load_scenario("insert", overrides=changes)).metrics
     return {
-        "told by name [-]": float(metrics.failure == failure),
+        "told by name []": float(metrics.failure == failure),
         "force on the hole [N]": metrics.hole_force_n,
     }
 
 
 insertion_told = ex.Experiment(
-    "What is no hole for the peg is told by name, with no more force than allowed.",
+    "Impossible insertions: the cause that is reported, and the force on the hole.",
     lambda: ex.grid(failure=HOLES),
     told_trial,
     {
@@ -57,8 +58,8 @@ insertion_told = ex.Experiment(
 
 
 def turn_trial(direction: str, radius: float) -> ex.Measures:
-    """Return how far a peg has turned in the hand under each force [degrees]."""
-    peg = ObjectConfig(shape=Cylinder(radius, 0.1), mass=0.1, friction=0.35)
+    """Return how far a peg has turned under each force that it is held against."""
+    peg = ObjectConfig(shape=Cylinder(radius, _LENGTH), mass=0.1, friction=0.35)
     peg.modulus = 1e7  # as in `insert`
     bench = bench_scenario(
         peg,
@@ -73,20 +74,31 @@ def turn_trial(direction: str, radius: float) -> ex.Measures:
         rig.advance(2.0, closure=closure)
         home = rig.commanded("arm.position_commanded")
         rig.move(home + np.array([0.0, 0.0, 0.05]), 1.0)
-        axis, height = rig.X_GO().rotation().col(2).copy(), rig.X_WO().translation()[2]
+        start, height, held_up_to = rig.X_GO(), rig.X_WO().translation()[2], 0.0
         for force in FORCES:
-            push(rig, "object", force * aside, [0.0, 0.0, -0.05])
+            push(rig, "object", force * aside, [0.0, 0.0, -0.5 * _LENGTH])
             rig.advance(1.0)
-            cosine = float(np.clip(axis @ rig.X_GO().rotation().col(2), -1.0, 1.0))
-            turns[f"turn at {force:g} N [degrees]"] = np.rad2deg(np.arccos(cosine))
-        turns["fallen [mm]"] = 1e3 * (height - rig.X_WO().translation()[2])
-    return turns
+            now = rig.X_GO()
+            moved = np.linalg.norm(now.translation() - start.translation())
+            if moved > 0.5 * _LENGTH:  # no end of it is between the pads any more
+                break
+            cosine = start.rotation().col(2) @ now.rotation().col(2)
+            turn = np.rad2deg(np.arccos(np.clip(float(cosine), -1.0, 1.0)))
+            turns[f"turn at {force:g} N [degrees]"] = turn
+            turns["fallen [mm]"] = 1e3 * (height - rig.X_WO().translation()[2])
+            held_up_to = force
+    return turns | {"held up to [N]": held_up_to}
 
 
 insertion_turn = ex.Experiment(
-    "How far a peg turns between the pads when a force presses on its end.",
+    "The turn of a peg between the pads when a force presses on its end.",
     # Along the pinch axis and across it.
     lambda: ex.grid(direction=("along", "across"), radius=(0.0124, 0.0059)),
     turn_trial,
     by=("direction", "radius"),
+    picture=[
+        ex.Bars([f"turn at {force:g} N" for force in FORCES]),
+        ex.Bars(["held up to"]),
+        ex.Bars(["fallen"]),
+    ],
 )

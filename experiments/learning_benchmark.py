@@ -1,4 +1,4 @@
-"""How fast the environments for learning simulate and reset, and what memory they keep.
+"""Speed of simulation and resets in the environments for learning, and their memory.
 
 Times are processor times of one core, except for two workers, which are judged by real
 time. The limits were set before the run, for an otherwise idle machine. Contact costs
@@ -136,7 +136,7 @@ def compared(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 learning_benchmark = ex.Experiment(
-    "How fast environments for learning simulate and reset, and what memory they keep.",
+    "Speed of simulation and resets in environments for learning, and their memory.",
     cases,
     trial,
     {

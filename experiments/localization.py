@@ -1,4 +1,4 @@
-"""How accurately the five-axis cell's camera locates its standing or lying cylinder.
+"""Accuracy of the five-axis cell's camera in locating its standing or lying cylinder.
 
 The scenario's ceiling camera and localizer locate the cylinder in many poses, with
 images of three sizes. Then the cameras of both varied scenarios look at scenes with
@@ -175,7 +175,7 @@ def of_scenes(own: ex.Trials, most: float) -> ex.Values:
 
 
 localization = ex.Experiment(
-    "How accurately the five-axis cell's camera locates its standing, lying cylinder.",
+    "Accuracy of the five-axis cell's camera in locating its standing, lying cylinder.",
     cases,
     trial,
     summary=summary,
@@ -225,10 +225,13 @@ def thesis_trial(camera: str, side: int) -> ex.Measures:
     if side:
         places = list(poses(load(OWN), STANDING))
     x, y, _ = np.array([X_WO.translation() for X_WO in places]).T
-    found: ex.Measures = {"x": x, "y": y}
+    where = "all over the region" if side else "at the thesis's place"
+    found: ex.Measures = {"x [m]": x, "y [m]": y, "places": where}
     for rule, one in two_eyes(camera).items():
         found[rule] = 1e3 * np.array([one.offset(X_WO) for X_WO in places])
-        found[f"{rule}, in the plane"] = np.linalg.norm(found[rule][:, :2], axis=1)
+        found[f"{rule}: error in the plane [mm]"] = np.linalg.norm(
+            found[rule][:, :2], axis=1
+        )
     return found
 
 
@@ -265,7 +268,11 @@ thesis_localizer = ex.Experiment(
     by=("camera", "side"),
     whole=judge_rules,
     picture=[
-        ex.Points("x", f"{rule}, in the plane", where={"camera": OURS})
+        ex.Points(
+            *("x [m]", f"{rule}: error in the plane [mm]"),
+            where={"camera": OURS},
+            label=["places"],
+        )
         for rule in (THESIS_RULE, OUR_RULE)
     ],
 )

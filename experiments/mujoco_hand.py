@@ -198,7 +198,7 @@ mujoco_hand = ex.Experiment(
     trial,
     {
         **{
-            f"{mass:g} kg held for": payload.VENDORS for mass in payload.MASSES.values()
+            f"{mass:g} kg held for": payload.CLAIMED for mass in payload.MASSES.values()
         },
         "base: angle at equal force": THREE_PERCENT,
         "tip: angle at equal force": dc.replace(THREE_PERCENT, known=_TIP),

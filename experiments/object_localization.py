@@ -1,4 +1,4 @@
-"""How accurately the kitchen's camera locates household objects, with their yaw.
+"""Accuracy of the kitchen's camera in locating household objects, with their yaw.
 
 Each object stands in random places or rests there on a random side. Only images are
 simulated and judged. The localizer knows each object's collision geometry and one
@@ -123,7 +123,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 object_localization = ex.Experiment(
-    "How accurately the kitchen's camera locates household objects, with their yaw.",
+    "Accuracy of the kitchen's camera in locating household objects, with their yaw.",
     cases,
     trial,
     {

@@ -46,7 +46,7 @@ _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # lifts the object off its support and holds it. The lift is slow, so that momentum does
 # not add to slip [s].
 CLOSE, LIFT, HOLD = 3.5, 3.0, 10.0
-VENDORS = ex.at_least(HOLD, source="vendor")
+CLAIMED = ex.at_least(HOLD, source="thesis")
 LIFT_HEIGHT = 0.06  # m
 # An object counts as held while it moves less than this in the hand [m]. Pinched,
 # motion counts from when the load comes on. Wrapped, it counts from the end of the
@@ -173,7 +173,7 @@ def largest(holds: Callable[[float], ex.Measures], mass: float) -> ex.Measures:
 
 def held(mass: float, found: Any) -> ex.Values:
     return {
-        f"{mass:g} kg held for [s]": (found["held_for"], VENDORS),
+        f"{mass:g} kg held for [s]": (found["held_for"], CLAIMED),
         "slip while the load comes on [mm]": found["slip"],
         "creep while held [um/s]": found["creep"],
     }
@@ -185,7 +185,7 @@ def summary(own: ex.Trials) -> ex.Values:
     agrees = ex.within(largest, relative=0.05)
     return held(mass, bench) | {
         "wire force [N]": bench["wire_force"],
-        "largest mass held [kg]": (largest, ex.at_least(mass, source="vendor")),
+        "largest mass held [kg]": (largest, ex.at_least(mass, source="thesis")),
         f"largest mass held, {FAST} [kg]": (fast["largest"], agrees),
     }
 
@@ -269,7 +269,7 @@ def closing_time(scenario: str, effort: float) -> float:
 
 
 specimen = ex.Experiment(
-    "What an identified gripper changes: payload, closing, creep, beside data sheets.",
+    "Payload, closing and creep of an identified gripper and of the data-sheet model.",
     specimen_cases,
     specimen_trial,
     summary=specimen_summary,

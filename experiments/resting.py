@@ -1,4 +1,4 @@
-"""How household objects that are dropped on a table come to rest.
+"""Household objects that are dropped on a table, and how they come to rest.
 
 One set of contact settings must bring all objects to rest. Every other set differs from
 it in one setting.
@@ -261,7 +261,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 resting = ex.Experiment(
-    "How household objects that are dropped on a table come to rest.",
+    "Household objects that are dropped on a table, and how they come to rest.",
     cases,
     trial,
     {

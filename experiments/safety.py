@@ -1,4 +1,4 @@
-"""How fast and how far the safety monitor stops the kitchen's arm after random faults.
+"""Times and distances in which the safety monitor stops the kitchen's arm after faults.
 
 The arm moves between random postures, at random shares of its speed limits, until a
 fault occurs in the middle of a motion. There are no obstacles, because only the stop is
@@ -257,7 +257,7 @@ def whole(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 safety = ex.Experiment(
-    "How fast and far the safety monitor stops the kitchen's arm after random faults.",
+    "Times and distances in which a safety monitor stops the kitchen's arm.",
     cases,
     trial,
     {

@@ -42,7 +42,7 @@ from experiments.stands.cycles import run_cycle
 _SCENARIO = "assistive_arm"
 _WITHOUT = "without a bus"
 _SETTLE = 0.5  # after the planner has ended [s]
-_TRIES = 10  # exchanges before the start, which measurements may take to arrive
+_TRIES = 10  # exchanges within which the first measurements must arrive
 _MAX_TILT = np.deg2rad(5.0)
 
 
@@ -136,7 +136,7 @@ class DirectLine:
 
     def write(self, data: bytes) -> None:
         """Send an instruction; the servos reply at once."""
-        self._time += 1.0  # what is incomplete is forgotten by the next packet
+        self._time += 1.0  # so that an incomplete packet times out before the next
         packets = list(self._reader.feed(self._worn(data), self._time))
         for reply in self._bus.answer(packets):
             self._replies += self._worn(reply)

@@ -1,4 +1,4 @@
-"""Whether resting objects that sleep save time, and change no outcome.
+"""The time that sleeping objects save, and the outcomes with and without sleep.
 
 In each scene, a resting carton is pushed into objects that stand and lie on a table. It
 is simulated with all objects awake, and with objects that sleep until something comes
@@ -163,7 +163,7 @@ def outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sleeping = ex.Experiment(
-    "Whether resting objects that sleep save time, and change no outcome.",
+    "The time that sleeping objects save, and the outcomes with and without sleep.",
     cases,
     trial,
     {
@@ -237,7 +237,7 @@ def task_outcomes(trials: ex.Trials) -> dict[str, ex.Values]:
 
 
 sleeping_tasks = ex.Experiment(
-    "Whether objects that sleep change how a task ends.",
+    "Outcomes of tasks with resting objects that sleep, and with all awake.",
     task_cases,
     task_trial,
     dict.fromkeys(

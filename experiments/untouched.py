@@ -95,7 +95,7 @@ def summary(own: ex.Trials) -> ex.Values:
 
 
 untouched = ex.Experiment(
-    "How far things on a table move that have come to rest and that nobody touches.",
+    "Motion of things that have come to rest on a table and that nobody touches.",
     cases,
     trial,
     by=("table", "settings"),

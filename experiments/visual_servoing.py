@@ -43,9 +43,9 @@ _LOOK_ONCE = (
     "planner=!PickAndPlace {approaches: [above], period: 0.01171875, clearance: 0.02, "
     "hand_clearance: 0.01, tilts: [0.05, 0.1745]}"
 )
-# Each way of looking: the camera on which its grasp relies, and settings. Looking once
-# is what `kitchen` does. Looking twice goes, without following, where the first image
-# of the hand's camera shows the object by its calibration.
+# The camera on which the grasp of each method relies, and overrides. `kitchen` looks
+# once. With `look twice`, the hand goes to where the first image of its own camera, as
+# calibrated, shows the object, and does not follow the object afterwards.
 METHODS: dict[str, tuple[str, ...]] = {
     "look once": ("ceiling", _LOOK_ONCE),
     "look twice": (

@@ -29,7 +29,7 @@ _STAMP, _STAMPS = "stamp.json", "stamps.json"
 
 @dc.dataclass(frozen=True)
 class Stamp:
-    """What a result was made with."""
+    """The conditions under which a result was made."""
 
     sources: str  # hash of what the experiment runs, see `sources`
     drake: str  # version of Drake
@@ -104,7 +104,7 @@ def read_stamps(folder: Path = COMMITTED) -> dict[str, Stamp]:
 
 
 def accept(made: Mapping[str, Stamp], out: Path, folder: Path = COMMITTED) -> None:
-    """Put new results, of which `out` has a folder each, into the docs."""
+    """Copy new results from their folders in `out` into the docs, with their stamps."""
     for name in made:
         with Image.open(out / name / f"{name}.png") as picture:
             write_file(folder / f"{name}.png", shrink(picture))

@@ -119,27 +119,34 @@ class Experiment:
         return self.by or tuple(trials[0])[:1]
 
     def draw(self, figure: Any, trials: Trials, rows: Sequence[Row]) -> None:
-        """Draw the picture."""
+        """Draw the picture below the description."""
         if callable(self.picture):
             self.picture(figure, trials, rows)
-            return
-        panels = list(self.picture) or bars_of(rows)
+        else:
+            self._draw_panels(figure, self.picture, trials, rows)
+        # The title of 10 points has at most 14 letters per inch.
+        title = textwrap.fill(self.description, int(14 * figure.get_figwidth()))
+        figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=10)
+
+    def _draw_panels(
+        self, figure: Any, panels: Sequence[Panel], trials: Trials, rows: Sequence[Row]
+    ) -> None:
+        panels = panels or bars_of(rows)
         wide = min(len(panels), 3)
         high = -(-len(panels) // wide)
         height = max(panel.height(trials, rows) for panel in panels)
         figure.set_size_inches(max(6.0, 4.4 * wide), 0.6 + height * high)
         left: Any = None  # the first axes of the line
+        labels: dict[Any, Sequence[str]] = {}
         for i, panel in enumerate(panels):
             axes = figure.add_subplot(high, wide, i + 1)
             left = left if i % wide else axes
             panel.draw(axes, trials, rows, self.axes(trials))
+            labels[axes] = getattr(panel, "label", ()) or self.axes(trials)
             named = isinstance(panel, Bars) and axes is not left
             if named and _labels(axes) == _labels(left):
                 axes.tick_params(labelleft=False)
-        draw_legends(figure)
-        # The title of 10 points has at most 14 letters per inch.
-        title = textwrap.fill(self.description, int(14 * figure.get_figwidth()))
-        figure.suptitle(title, x=0.01, ha="left", weight="bold", fontsize=10)
+        draw_legends(figure, labels)
 
     def parameters(self) -> dict[str, tuple[Any, str]]:
         """Return default and description of each parameter."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +15,8 @@ from drake_srg.types import Vector
 from experiments.runner.claims import Row, Trials
 
 _STYLES, _MARKERS = ("-", "--", ":", "-."), "os^v"
+_STYLED = ("", " (dashed)", " (dotted)", " (dash-dotted)")  # behind a measure
+_LETTERS = 30  # of 6.5 points, over the width of an image
 # Draws one part of a picture: `draw` on axes, `by` being the axes that name a group of
 # trials; `height` is how high it should be [inch].
 Panel: TypeAlias = "Bars | Curves | Points | Histogram | Images"
@@ -80,7 +83,8 @@ class _Plot:
     """A plot of measures."""
 
     where: dict[str, Any] = dc.field(default_factory=dict)  # chooses trials
-    label: Sequence[str] = ()  # axes that name a colour; by default, those of groups
+    # Axes that name a colour, with units for the legend; by default, those of groups.
+    label: Sequence[str] = ()
     limit: float | None = None  # drawn across
     log: str = ""  # which axes are logarithmic: `x`, `y` or `xy`
     title: str = ""
@@ -91,9 +95,16 @@ class _Plot:
     def _groups(
         self, trials: Trials, by: Sequence[str]
     ) -> Iterator[tuple[str, str, int, Trials]]:
-        """Yield name, colour, how often that was used before, and trials of groups."""
-        groups = trials.where(**self.where).groups(*(self.label or by))
-        for i, (name, own) in enumerate(groups.items()):
+        """Yield name, colour, how often that was used before, and trials of groups.
+
+        A name has the same colour in all panels if the colours suffice.
+        """
+        named = [axis.partition(" [")[0] for axis in self.label or by]
+        groups = trials.where(**self.where).groups(*named)
+        every = Trials([t for t in trials if set(named) <= set(t)]).groups(*named)
+        names = list(every if len(every) <= len(COLORS) else groups)
+        for name, own in groups.items():
+            i = names.index(name)
             yield name, COLORS[i % len(COLORS)], i // len(COLORS), own
 
     def _finish(self, axes: Any, vertical: bool = False) -> None:
@@ -119,7 +130,8 @@ class Curves(_Plot):
         self, axes: Any, trials: Trials, rows: Sequence[Row], by: Sequence[str]
     ) -> None:
         measures = [self.y] if isinstance(self.y, str) else list(self.y)
-        style_axes(axes, xlabel=self.x, ylabel=", ".join(measures)[:60])
+        words = ",\n".join(m + _STYLED[k % 4] for k, m in enumerate(measures))
+        style_axes(axes, xlabel=self.x, ylabel=words)
         for name, color, before, own in self._groups(trials, by):
             for entry in own:
                 for k, measure in enumerate(measures, before):
@@ -150,7 +162,8 @@ class Points(_Plot):
                 x, y, _MARKERS[before % 4], ms=4, alpha=0.7, color=color, label=name
             )
         if self.equal:
-            axes.axline((0.0, 0.0), slope=1.0, color="k", ls="--", lw=0.8)
+            middle = np.nanmean(_values(trials.where(**self.where), self.x))
+            axes.axline((middle, middle), slope=1.0, color="k", ls="--", lw=0.8)
         self._finish(axes)
 
 
@@ -198,23 +211,27 @@ class Images:
             own.imshow(np.asarray(entry[self.image]), interpolation="none")
             own.set(xticks=[], yticks=[])
             own.spines[:].set(color=COLORS[1 if name in failed else 2], lw=2.0)
-            own.set_title(name.replace("_", " "), fontsize=6.5, loc="left", pad=3)
-            own.set_xlabel(self.caption(entry), fontsize=6.5, loc="left")
+            above, below = name.replace("_", " "), self.caption(entry)
+            style: dict[str, Any] = {"fontsize": 6.5, "loc": "left"}
+            own.set_title(textwrap.fill(above, _LETTERS), pad=3, **style)
+            own.set_xlabel(textwrap.fill(below, _LETTERS), **style)
 
 
-def draw_legends(figure: Any) -> None:
+def draw_legends(figure: Any, labels: Mapping[Any, Sequence[str]]) -> None:
     """Add legends beside the data: one below the figure if all panels agree.
 
-    A legend of one entry, or of more than twelve, is left out.
+    A legend of one entry, or of more than twelve, is left out. One with numbers names
+    the axes that they belong to, which are in `labels` by panel.
     """
     found = {}
     for axes in figure.get_axes():
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         if 1 < len(handles) <= 12:
             found[axes] = handles
-    style: dict[str, Any] = {"fontsize": 7, "frameon": False}
+    style: dict[str, Any] = {"fontsize": 7, "title_fontsize": 7, "frameon": False}
     if len({tuple(handles) for handles in found.values()}) == 1:
-        handles = next(iter(found.values()))
+        axes, handles = next(iter(found.items()))
+        style["title"] = _legend_title(handles, labels[axes])
         wide = 0.5 + 0.06 * max(map(len, handles))  # of a name in 7 points [inch]
         columns = max(1, int(figure.get_figwidth() / wide))
         place = {"loc": "outside lower center", "ncols": columns}
@@ -222,7 +239,14 @@ def draw_legends(figure: Any) -> None:
         return
     for axes, handles in found.items():
         place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        style["title"] = _legend_title(handles, labels[axes])
         axes.legend(handles.values(), handles.keys(), **place, **style)
+
+
+def _legend_title(names: Iterable[str], axes: Sequence[str]) -> str:
+    parts = [part for name in names for part in name.split(", ")]
+    number = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?")
+    return ", ".join(axes) if any(map(number.fullmatch, parts)) else ""
 
 
 def _floats(value: Any) -> Any:

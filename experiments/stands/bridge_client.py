@@ -44,7 +44,7 @@ class Wire(NamedTuple):
 
 
 class Served(NamedTuple):
-    """How a station was served: simulated time, real time [s], and messages received.
+    """A served station's simulated and real time [s], and the messages it received.
 
     `wall_time` is by the station's clock; `seen_time` by ours, from its first output.
     """

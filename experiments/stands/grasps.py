@@ -58,7 +58,7 @@ class Support:
 
 @dc.dataclass(kw_only=True)
 class GraspConfig:
-    """How an object is presented and how the hand grasps it."""
+    """The presentation of an object to the hand, and the grasp."""
 
     # Roll, pitch, yaw of the palm [degrees]: [0, 0, 0] points to the front and closes
     # horizontally; [0, 90, 0] points down; [90, 0, 0] closes vertically.

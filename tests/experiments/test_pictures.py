@@ -1,4 +1,4 @@
-"""Pictures: legends keep clear of the data, shares end at 1, labels fit."""
+"""Pictures: legends keep clear of the data, shares end at 1, labels and titles fit."""
 
 import numpy as np
 import pytest
@@ -52,6 +52,56 @@ def test_a_legend_covers_no_panel_and_is_within_the_figure(panels, count):
 def test_numbers_stay_on_every_axis():
     for axes in drawn(ex.Curves("x", "y"), ex.Curves("x", "y")).axes:
         assert all(label.get_visible() for label in axes.get_yticklabels())
+
+
+def legend_titles(figure):
+    own = [legend for axes in figure.axes if (legend := axes.get_legend())]
+    return [legend.get_title().get_text() for legend in (*own, *figure.legends)]
+
+
+def test_a_legend_of_numbers_names_the_parameter():
+    wide = Trials([{"width": w, "kind": "a", "x": X, "y": w * X} for w in (1.0, 2.0)])
+    by_width = ex.Curves("x", "y", label=["width [m]"])
+    assert legend_titles(drawn(by_width, by_width, trials=wide)) == ["width [m]"]
+    both = ex.Curves("x", "y", label=["kind", "width [m]"])
+    assert legend_titles(drawn(both, trials=wide)) == ["kind, width [m]"]
+    assert legend_titles(drawn(ex.Curves("x", "y"))) == [""]
+
+
+def test_a_name_has_the_same_colour_in_all_panels():
+    both, one = drawn(
+        ex.Curves("x", "y"), ex.Curves("x", "y", where={"kind": "b"})
+    ).axes
+    assert one.lines[0].get_color() == both.lines[1].get_color()
+
+
+def test_a_label_tells_the_style_of_each_measure():
+    (axes,) = drawn(ex.Curves("x", ("y", "z"))).axes
+    assert axes.get_ylabel() == "y,\nz (dashed)"
+
+
+def test_pictures_that_a_function_draws_have_the_title():
+    def draw(figure, trials, rows):
+        figure.add_subplot()
+
+    figure = make_figure(6.0, 4.0)
+    ex.Experiment("A title.", list, dict, picture=draw).draw(figure, TRIALS, ())
+    assert figure.get_suptitle() == "A title."
+
+
+def test_names_and_captions_of_images_stay_within_their_image():
+    image = np.zeros((8, 8, 3), np.uint8)
+    trials = Trials(
+        [{"kind": f"an object of a rather long name {k}", "image": image} for k in "ab"]
+    )
+    caption = "too wide: 158 > 146 mm, slips 280 mm at 12 N"
+    figure = drawn(ex.Images(caption=lambda entry: caption, across=2), trials=trials)
+    for own in figure.axes[0].child_axes:
+        panel = own.get_window_extent()
+        for text in (own.xaxis.label, own._left_title):
+            box = text.get_window_extent()
+            assert panel.x0 - 1 <= box.x0 <= box.x1 <= panel.x1 + 6
+            assert figure.bbox.y0 <= box.y0 <= box.y1 <= figure.bbox.y1
 
 
 def bars(quantity):

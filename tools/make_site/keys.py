@@ -44,17 +44,14 @@ class Key:
 
 
 def scenario_keys() -> list[Key]:
-    """Return every key of a scenario file; those of poses begin with POSE."""
+    """Return every key of a scenario file; paths of keys of poses begin with POSE."""
     walk = _Walk()
     keys = [*walk.keys(Scenario, Scenario(), "", "")]
     return [*keys, *walk.keys(Transform, Transform(), "POSE", "")]
 
 
 def keys_index() -> str:
-    """Return the keys of the first level: a table, and the pages of those with others.
-
-    Every page has its line in the table.
-    """
+    """Return a table of the keys of the first level, and the list of their pages."""
     sections = _sections()
     rows = [
         (
@@ -172,7 +169,7 @@ class _Walk:
             yield from below
 
     def _place(self, kind: Any, value: Any, path: str) -> str:
-        """Return the place of a class's keys, or record it and return "" at first."""
+        """Return where a class's keys are already shown, or "" after noting `path`."""
         if not dc.is_dataclass(kind) or len(dc.fields(kind)) <= _REPEATED:
             return ""
         entered = self._entered.setdefault(kind, [])
