@@ -121,18 +121,18 @@ class _Heard:
                 self.gripper_state = read[1]
 
     def _receive_closure(self, message: Any) -> None:
-        self._command(float(message.data))
+        self._command(float(message.data), closed=1)
 
     def _receive_grasp(self, message: Any) -> None:
-        self._command(0.01 * float(message.data))
+        self._command(float(message.data), closed=100)
 
-    def _command(self, closure: float) -> None:
-        if not 0.0 <= closure <= 1.0:
+    def _command(self, value: float, closed: int) -> None:
+        if not 0.0 <= value <= closed:
             raise CommandError(
-                "range", f"must be 0 (open) to 1 (closed), got {closure:g}"
+                "range", f"must be 0 (open) to {closed} (closed), got {value:g}"
             )
         with self._lock:
-            self.closure = closure
+            self.closure = value / closed
 
 
 class Listener:

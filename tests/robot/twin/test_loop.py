@@ -197,17 +197,23 @@ def test_a_listener_tells_what_it_has_heard():
 
 
 @pytest.mark.parametrize(
-    ("topic", "kind", "data"),
+    ("topic", "kind", "data", "why"),
     [
-        ("/grasp", "Int32", 101),
-        ("/grasp", "Int32", -1),
-        ("/gripper/closure_commanded", "Float64", np.nan),
-        ("/blobs", "String", "{"),
+        ("/grasp", "Int32", 150, "must be 0 (open) to 100 (closed), got 150"),
+        ("/grasp", "Int32", -1, "must be 0 (open) to 100 (closed), got -1"),
+        (
+            "/gripper/closure_commanded",
+            "Float64",
+            np.nan,
+            "must be 0 (open) to 1 (closed), got nan",
+        ),
+        ("/blobs", "String", "{", ""),
     ],
 )
-def test_bad_messages_change_nothing(topic, kind, data):
+def test_bad_messages_change_nothing(topic, kind, data, why):
     talk = Talk()
-    assert len(talk.say(topic, kind, data)) == 1
+    (refusal,) = talk.say(topic, kind, data)
+    assert why in refusal
     assert talk.joints(1.0, arm=HOME * np.nan) != []
     assert talk.listener.take() is None
     talk.joints(1.0)
