@@ -64,15 +64,16 @@ class ArmCheck:
                 ),
                 (
                     self.moved > STILL,
-                    f"does not hold still: {self.moved:.4f} rad (at most {STILL})",
+                    f"does not hold still: {self.moved:.4f} rad or m (at most {STILL})",
                 ),
                 (
                     self.behind > FOLLOWS,
-                    f"does not follow: {self.behind:.4f} rad off (at most {FOLLOWS})",
+                    f"does not follow: {self.behind:.4f} rad or m off "
+                    f"(at most {FOLLOWS})",
                 ),
                 (
                     self.overrun > OVERRUN,
-                    f"overruns its limits by {self.overrun:.4f} rad "
+                    f"overruns its limits by {self.overrun:.4f} rad or m "
                     f"(at most {OVERRUN})",
                 ),
                 (
