@@ -413,7 +413,7 @@ def test_gives_up_when_the_arm_does_not_get_back():
     blocked.until(Mode.FAILED)
     assert blocked.modes[-2] is Mode.RETREAT
     assert blocked.status.failure is Failure.STOPPED
-    assert "something is in its way" in blocked.status.message
+    assert "something blocks it" in blocked.status.message
 
 
 def heap(after_push, pushes=2, path_tolerance=None):
