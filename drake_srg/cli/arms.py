@@ -56,9 +56,9 @@ def _limit(name: str, unit: str) -> Any:
         help="the link or frame that carries the gripper; links beyond it are left out "
         "(default: the end of the chain)",
     ),
-    _limit("effort", "N m"),
-    _limit("velocity", "rad/s"),
-    _limit("acceleration", "rad/s2"),
+    _limit("effort", "N m or N"),
+    _limit("velocity", "rad/s or m/s"),
+    _limit("acceleration", "rad/s2 or m/s2"),
     name="import-arm",
 )
 @scenario_errors()
@@ -156,18 +156,19 @@ def _description(report: dict[str, Any]) -> list[str]:
         *(f"warning: {warning}" for warning in report["warnings"]),
         f"{'joints':14} {', '.join(report['joints'])}",
         f"{'mass':14} {report['mass']:.3g} kg",
-        f"{'effort':14} {listed(report['effort'])} N m",
-        f"{'velocity':14} {listed(report['velocity'])} rad/s",
-        f"{'acceleration':14} {listed(report['acceleration'])} rad/s²",
+        f"{'effort':14} {listed(report['effort'])} N m or N",
+        f"{'velocity':14} {listed(report['velocity'])} rad/s or m/s",
+        f"{'acceleration':14} {listed(report['acceleration'])} rad/s² or m/s²",
         f"{'ignored':14} {', '.join(report['ignored_pairs']) or 'only neighbours'}",
         f"{'base':14} at ({x:.2f}, {y:.2f}) m on the kitchen's table",
         f"{'home':14} {listed(report['home'])}{hidden}",
         f"{'reach':14} {report['reach']:.2f} m with the hand down, "
         f"{100 * report['places_within_reach']:.0f} % of the task's places",
-        f"{'holds still':14} within {1e3 * check['moved']:.2f} mrad, with "
+        f"{'holds still':14} within {1e3 * check['moved']:.2f} mrad or mm, with "
         f"{100 * check['gravity']:.0f} % of a torque limit",
-        f"{'follows':14} within {1e3 * check['behind']:.1f} mrad at half of its limits",
-        f"{'limits':14} overrun by {1e3 * check['overrun']:.1f} mrad, torque "
+        f"{'follows':14} within {1e3 * check['behind']:.1f} mrad or mm at half of "
+        "its limits",
+        f"{'limits':14} overrun by {1e3 * check['overrun']:.1f} mrad or mm, torque "
         f"{100 * check['strained']:.0f} %",
         *(f"problem: {problem}" for problem in report["problems"]),
     ]

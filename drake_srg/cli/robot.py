@@ -199,7 +199,7 @@ def serve(options: argparse.Namespace) -> int:
         output.say(*filter(None, [served.recording, served.replay]))
     answers = [dc.asdict(served) for served in every]
     output.answer(dict(zip(sides, answers, strict=True)) if sides else answers[0])
-    return 0
+    return SUCCESS
 
 
 @contextlib.contextmanager

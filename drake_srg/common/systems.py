@@ -19,7 +19,12 @@ from typing import TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.multibody.tree import (
+    Joint,
+    JointActuator,
+    ModelInstanceIndex,
+    PrismaticJoint,
+)
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import (
     Context,
@@ -157,6 +162,11 @@ def model_actuators(
     """Return the actuators of a model instance in the plant's order."""
     actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
     return [a for a in actuators if a.model_instance() == model]
+
+
+def joint_unit(joint: Joint) -> str:
+    """Return the unit of a joint's position: m if it slides, otherwise rad."""
+    return "m" if joint.type_name() == PrismaticJoint.kTypeName else "rad"
 
 
 def joint_to_actuator(

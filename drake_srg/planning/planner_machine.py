@@ -128,9 +128,9 @@ class PlannerConfig(MotionConfig):
     # Whether to look at the object in the hand above the goal, and to plan its placing
     # from there. Useful with cameras that see it there.
     look_before_place: bool = False
-    # Shortest waits of the arm [s]: with closed fingers before it lifts, with open
-    # fingers before it leaves, and at home. After clearing a table, the last one counts
-    # from the last release.
+    # Shortest waits of the arm [s]: with closed fingers before it lifts or pulls, with
+    # open fingers before it leaves, and at home. After clearing a table, the last one
+    # counts from the last release.
     grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})

@@ -1,5 +1,6 @@
 """`drake-srg twin` as a command."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -9,7 +10,9 @@ import time as wall
 import numpy as np
 import pytest
 from helpers import NEEDS_DDS
+from robot.serve.ros1.peers import Master
 from robot.serve.ros2.peers import free_domain
+from robot.serve.waiting import wait_until
 
 from drake_srg.cli import main as cli
 from drake_srg.cli.command import TASK_FAILED
@@ -50,16 +53,44 @@ def test_bad_input_is_reported_on_one_line(
     assert not (tmp_path / "out").exists()
 
 
-@NEEDS_DDS
-def test_it_follows_a_robot_over_loopback_until_that_is_silent(tmp_path):
+TOPIC = joint_states(JOINTS)
+
+
+@contextlib.contextmanager
+def ros1():
+    """A robot that publishes its joints, and the twin's options."""
+    from drake_srg.robot.serve.ros1.bridge import Ros1Bridge
+
+    with contextlib.closing(Master()) as master:
+        inbox = CommandInbox([], Warnings(print))
+        bridge = Ros1Bridge(inbox, [TOPIC], master=master.uri, name="/robot")
+        with contextlib.closing(bridge):
+            assert wait_until(lambda: master.registered)
+            master.publishers[TOPIC.name] = [master.node_uri]
+            yield bridge, ["--ros1", "--master", master.uri]
+
+
+@contextlib.contextmanager
+def ros2():
+    """The same by ROS 2."""
     from drake_srg.robot.serve.ros2.bridge import Ros2Bridge
 
-    domain, topic = free_domain(), joint_states(JOINTS)
-    bridge = Ros2Bridge(
-        CommandInbox([], Warnings(print)), [topic], domain=domain, name="robot"
-    )
+    domain, inbox = free_domain(), CommandInbox([], Warnings(print))
+    bridge = Ros2Bridge(inbox, [TOPIC], domain=domain, name="robot")
+    with contextlib.closing(bridge):
+        yield bridge, ["--ros2", "--domain", str(domain)]
+
+
+@pytest.mark.parametrize("ros", [ros1, pytest.param(ros2, marks=NEEDS_DDS)])
+def test_it_follows_a_robot_over_loopback_until_that_is_silent(ros, tmp_path):
+    with ros() as (bridge, options):
+        follow(bridge, options, tmp_path)
+
+
+def follow(bridge, options, tmp_path):
+    """Run a twin, and a robot whose fingers differ, until this is reported."""
     command = [sys.executable, "-m", "drake_srg", "twin", "kitchen_fast"]
-    command += ["--ros2", "--domain", str(domain), "--out", str(tmp_path)]
+    command += [*options, "--out", str(tmp_path)]
     # The twin's fingers stay open, the robot's do not.
     command += ["--set", "twin={silence: 2.0, settle: 0.2, patience: 0.2}"]
     process = subprocess.Popen(
@@ -73,13 +104,12 @@ def test_it_follows_a_robot_over_loopback_until_that_is_silent(tmp_path):
         # Until it has reported the fingers.
         while wall.monotonic() < end and "finger joint" not in "".join(lines):
             stamp += 0.02
-            bridge.publish(topic, stamp, [arm, None, fingers, None])
+            bridge.publish(TOPIC, stamp, [arm, None, fingers, None])
             wall.sleep(0.02)
         assert process.wait(100) == TASK_FAILED
     finally:
         process.kill()
         reader.join()
-        bridge.close()
     output = "".join(lines)
     assert "the robot is silent after" in output
     assert "1 difference reported" in output

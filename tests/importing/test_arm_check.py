@@ -12,7 +12,7 @@ GOOD = {"moved": 0.0, "behind": 0.0, "overrun": 0.0, "strained": 1.0, "gravity":
     ("change", "words"),
     [
         ({}, None),
-        ({"moved": 2 * STILL}, "does not hold still"),
+        ({"moved": 2 * STILL}, "does not hold still: 0.0040 rad or m (at most 0.002)"),
         ({"behind": 2 * FOLLOWS}, "does not follow"),
         ({"overrun": 2 * OVERRUN}, "overruns its limits"),
         ({"strained": 1.1}, "exerts 1.10 of its torque limits"),

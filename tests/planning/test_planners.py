@@ -9,6 +9,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from drake_srg.planning.carrying.config import CarryMode, CarryTogether
 from drake_srg.planning.carrying.planner import carry_transition
+from drake_srg.planning.clearing.knowledge import transition as clearing_transition
 from drake_srg.planning.handover.config import Handover, HandoverMode
 from drake_srg.planning.handover.planner import handover_transition
 from drake_srg.planning.insertion.config import Insert, InsertMode
@@ -116,6 +117,27 @@ def test_the_lift_of_two_arms_waits_for_its_plan():
     assert carry_transition(CarryMode.SETTLE, settled, 1.0) is CarryMode.SETTLE
     trapped = Observation(failure=Failure.OUT_OF_REACH)
     assert carry_transition(CarryMode.SETTLE, trapped, 1.0) is Mode.FAILED
+
+
+WAITING = {"grip_wait": 3.0, "release_wait": 2.0, "gripper_timeout": 1.0}
+
+
+@pytest.mark.parametrize("seen", [{}, {"still": True, "clear": True}])
+@pytest.mark.parametrize(
+    ("transition", "kind", "mode", "wait", "after"),
+    [
+        (clearing_transition, PlannerConfig, Mode.CLOSE, 3.0, Mode.LIFT),
+        (clearing_transition, PlannerConfig, Mode.RELEASE, 2.0, Mode.IDLE),
+        (handover_transition, Handover, HandoverMode.TAKE, 3.0, HandoverMode.PULL),
+    ],
+)
+def test_waits_that_are_longer_than_the_timeout_count(
+    transition, kind, mode, wait, after, seen
+):
+    config = kind(**WAITING)
+    held = Observation(holding=True, **seen)
+    assert transition(mode, held, 0.99 * wait, config) is mode
+    assert transition(mode, held, wait, config) is after
 
 
 def test_a_receiver_that_feels_nothing_opens_its_hand():

@@ -249,9 +249,14 @@ class ClearingMemory(MotionMemory):
         )
 
 
+def _closed(o: Observation, t: float, c: PlannerConfig) -> bool:
+    waited = t >= max(c.gripper_reaction, c.grip_wait)
+    return waited and (o.still or t >= c.gripper_timeout)
+
+
 def _released(o: Observation, t: float, c: PlannerConfig) -> bool:
     waited = t >= max(c.gripper_reaction, c.release_wait)
-    return (waited and o.clear) or t >= c.gripper_timeout
+    return waited and (o.clear or t >= c.gripper_timeout)
 
 
 TRANSITIONS: Table = {
@@ -272,11 +277,7 @@ TRANSITIONS: Table = {
         (lambda o, t, c: o.stuck, Mode.RELEASE),
     ],
     Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
-    Mode.CLOSE: [
-        (lambda o, t, c: t >= max(c.gripper_reaction, c.grip_wait) and o.still,
-         Mode.LIFT),
-        (lambda o, t, c: t >= c.gripper_timeout, Mode.LIFT),
-    ],
+    Mode.CLOSE: [(_closed, Mode.LIFT)],
     Mode.LIFT: [
         (lambda o, t, c: o.arrived, Mode.TRANSFER),
         (lambda o, t, c: o.stuck, Mode.RELEASE),

@@ -52,11 +52,14 @@ HANDOVER_TRANSITIONS: Table = {
     HandoverMode.REACH: carried(HandoverMode.TAKE),
     HandoverMode.TAKE: [
         (
-            lambda o, t, c: t >= c.gripper_reaction and o.holding and o.still,
+            lambda o, t, c: (
+                o.holding
+                and t >= max(c.gripper_reaction, c.grip_wait)
+                and (o.still or t >= c.gripper_timeout)
+            ),
             HandoverMode.PULL,
         ),
-        (lambda o, t, c: t >= c.gripper_timeout and o.holding, HandoverMode.PULL),
-        (lambda o, t, c: t >= c.gripper_timeout, Mode.RELEASE),
+        (lambda o, t, c: t >= c.gripper_timeout and not o.holding, Mode.RELEASE),
     ],
     HandoverMode.PULL: [
         (lambda o, t, c: o.arrived and o.ready, HandoverMode.LET_GO),

@@ -20,6 +20,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from drake_srg.common.geometry import cross
+from drake_srg.common.systems import joint_unit
 from drake_srg.types import Vector
 
 
@@ -135,6 +136,7 @@ class ArmModel:
         context: The plant's context; X_WG() moves it.
         hand_frame: G.
         joint_names: Names of the arm's N joints.
+        joint_units: Units of their positions, rad or m.
         finger_names: Names of the gripper's joints.
         arm_indices: Indices of the arm's joints in the plant's positions, (N,).
         lower: Lower limits of the arm's joints, (N,) [rad]; -2 pi without a limit.
@@ -158,6 +160,7 @@ class ArmModel:
         self._positions = plant.GetPositions(self.context)
         joints = _moving_joints(plant, arm)
         self.joint_names = [joint.name() for joint in joints]
+        self.joint_units = [joint_unit(joint) for joint in joints]
         self.finger_names = [joint.name() for joint in _moving_joints(plant, gripper)]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
         # Random postures need limits, so an unlimited joint gets two turns.

@@ -271,7 +271,7 @@ class _Search:
                     Requirement.JOINT_LIMITS,
                     float(beyond[worst]),
                     f"joint_limits: {scene.joint_names[worst]} would have to go "
-                    f"{beyond[worst]:.3f} rad beyond its limit",
+                    f"{beyond[worst]:.3f} {scene.joint_units[worst]} beyond its limit",
                 )
 
         if target.R_WG is not None or target.axes:

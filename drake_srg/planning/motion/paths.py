@@ -334,8 +334,9 @@ def _line(
             q = found.q
         jump = np.abs(q - path[-1])
         if np.max(jump) > _JOINT_STEP:
-            joint = scene.joint_names[int(np.argmax(jump))]
-            message = f"{where}, {joint} would jump by {np.max(jump):.2f} rad"
+            i = int(np.argmax(jump))
+            far = f"{jump[i]:.2f} {scene.joint_units[i]}"
+            message = f"{where}, {scene.joint_names[i]} would jump by {far}"
             return np.array(path), PlanningFailure(Failure.OUT_OF_REACH, message)
         path.append(q)
     return np.array(path), None

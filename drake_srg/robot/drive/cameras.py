@@ -58,7 +58,7 @@ def color_pixels(message: Any, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
             "encoding", f"encoding must be one of {allowed}; got {message.encoding!r}"
         )
     code = _COLORS[message.encoding]
-    channels = 3 if message.encoding.endswith("8") and len(message.encoding) == 4 else 4
+    channels = len(message.encoding.removesuffix("8"))  # a letter for each
     pixels = _rows(message, shape, channels)
     return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code))
 

@@ -20,7 +20,12 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.real_time import real_time_loop
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 from drake_srg.common.status_line import StatusLine
-from drake_srg.common.systems import export_outputs, input_ports, output_ports
+from drake_srg.common.systems import (
+    export_outputs,
+    input_ports,
+    joint_unit,
+    output_ports,
+)
 from drake_srg.lifetime import my_context
 from drake_srg.planning.servoing.tracker import LateSightings
 from drake_srg.planning.servoing.visual_servo import VisualServo
@@ -36,6 +41,7 @@ from drake_srg.robot.serve.commands import (
     CommandInbox,
     PortValues,
     Warnings,
+    moving_joints,
     port_of,
     safety_topics,
 )
@@ -47,6 +53,7 @@ from drake_srg.simulation.recorders import FILES, AddRosbagRecorder, run_labels
 from drake_srg.simulation.run_log import RunLog
 from drake_srg.simulation.simulate import Result, failure_time
 from drake_srg.station.cell import command_ports
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.station.servoing import MakeServo
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector, mode_words
 
@@ -458,9 +465,11 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
         away = np.abs(state[: len(home)] - home)
         if away.max() > _HOME:
             worst = int(np.argmax(away))
+            joints = moving_joints(MakeModelsPlant(scenario), own.arm_model)
             raise ScenarioError(
                 f"{own.key}arm.home: the arm must start there, but joint {worst + 1} "
-                f"is {away[worst]:.3f} rad away (allowed: {_HOME})"
+                f"is {away[worst]:.3f} {joint_unit(joints[worst])} away "
+                f"(allowed: {_HOME})"
             )
 
 

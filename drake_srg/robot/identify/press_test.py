@@ -225,14 +225,20 @@ class WatchedServo:
 
         Raises:
             BusError: If the servo does not reply, or refuses.
-            RecordingError: If it reports a fault.
+            RecordingError: If it reports a fault, or a temperature that is too high.
         """
         begun = self._clock()
         reply = self._bus.read_all([self._number], name)[self._number]
         if reply.fault:
             raise RecordingError(f"servo {self._number}: {reply.fault}")
+        value = reply.values[name]
+        if name == "present_temperature" and value > self._hottest:
+            raise RecordingError(
+                f"servo {self._number}: is at {value} degC (allowed: "
+                f"{self._hottest:g}): let it cool"
+            )
         self._wait_until(begun + TRANSACTION)
-        return reply.values[name]
+        return value
 
     def write(self, name: str, value: int) -> None:
         """Write a register.
@@ -252,18 +258,10 @@ class WatchedServo:
             RecordingError: If it is too hot, or reports a fault.
         """
         end = self._clock() + duration
-        while end - self._clock() > _LOOK:
-            self._look()
+        while end - self._clock() > TRANSACTION:
+            self.read("present_temperature")
             self._wait_until(min(self._clock() + _LOOK, end))
         self._wait_until(end)
-
-    def _look(self) -> None:
-        temperature = self.read("present_temperature")
-        if temperature > self._hottest:
-            raise RecordingError(
-                f"servo {self._number}: is at {temperature} degC (allowed: "
-                f"{self._hottest:g}): let it cool"
-            )
 
     def _wait_until(self, time: float) -> None:
         left = time - self._clock()

@@ -365,8 +365,10 @@ class ActionServer:
         id = bytes(request.goal_info.goal_id.uuid)
         before, goal = seconds(request.goal_info.stamp), self._active
         code, canceled = CancelCode.NONE, []
+        # No ID and no stamp: every goal. A stamp: all goals up to then, too.
+        every = id == _EVERY and not before
         if goal is not None and (
-            id == goal.id or goal.time <= before or (id == _EVERY and not before)
+            every or id == goal.id or (before and goal.time <= before)
         ):
             self._hold()
             self._end(GoalStatus.CANCELED, ErrorCode.SUCCESSFUL, "canceled")

@@ -316,11 +316,12 @@ def arm_joint_names(plant: MultibodyPlant, robot: RobotArm = ONE_ARM) -> list[st
 
     Names of the arm `left` begin with `left_`.
     """
-    moving = _moving_joints(plant, robot.arm_model)
+    moving = moving_joints(plant, robot.arm_model)
     return [robot.system(joint.name()) for joint in moving]
 
 
-def _moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
+def moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
+    """Return a model's joints with one position, in the order of their positions."""
     model = plant.GetModelInstanceByName(instance)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
     joints = [joint for joint in joints if joint.num_positions() == 1]
@@ -332,7 +333,7 @@ def joint_limits(
 ) -> tuple[Vector, Vector]:
     """Return the lower and upper position limits of a model's joints [rad or m]."""
     if joints is None:
-        moving = _moving_joints(plant, instance)
+        moving = moving_joints(plant, instance)
     else:
         model = plant.GetModelInstanceByName(instance)
         moving = [plant.GetJointByName(name, model) for name in joints]

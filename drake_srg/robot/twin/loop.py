@@ -16,7 +16,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, Diagram
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.common.systems import MakeSimulator, model_actuators
+from drake_srg.common.systems import MakeSimulator, joint_unit, model_actuators
 from drake_srg.lifetime import my_context
 from drake_srg.objects.models import object_body
 from drake_srg.robot.drive.config import ArmHardware, HardwareConfig
@@ -121,18 +121,18 @@ class _Heard:
                 self.gripper_state = read[1]
 
     def _receive_closure(self, message: Any) -> None:
-        self._command(float(message.data))
+        self._command(float(message.data), closed=1)
 
     def _receive_grasp(self, message: Any) -> None:
-        self._command(0.01 * float(message.data))
+        self._command(float(message.data), closed=100)
 
-    def _command(self, closure: float) -> None:
-        if not 0.0 <= closure <= 1.0:
+    def _command(self, value: float, closed: int) -> None:
+        if not 0.0 <= value <= closed:
             raise CommandError(
-                "range", f"must be 0 (open) to 1 (closed), got {closure:g}"
+                "range", f"must be 0 (open) to {closed} (closed), got {value:g}"
             )
         with self._lock:
-            self.closure = closure
+            self.closure = value / closed
 
 
 class Listener:
@@ -263,6 +263,8 @@ class Placing:
         self._plant.SetVelocities(self._context, body.model_instance(), np.zeros(6))
 
 
+# Units of a joint's torque, by that of its position.
+TORQUE_UNITS = {"rad": "N m", "m": "N"}
 _ROUNDING = 1e-6  # of stamps, which are whole nanoseconds [s]
 
 
@@ -300,6 +302,7 @@ class TwinLoop:
         first: The robot's first messages, where the arms start.
 
     Attributes:
+        joint_units: Units of the arms' joint positions, rad or m.
         partings: All reports so far.
         largest: Largest difference of each of `KINDS` so far, shape (4,).
         skipped: Time that was skipped, where messages were too far apart [s].
@@ -323,14 +326,17 @@ class TwinLoop:
         plant_context = plant.GetMyMutableContextFromRoot(self.context)
         self._robots = robot_arms(scenario)
         self._efforts, self._joints = list[float](), list[str]()
+        self.joint_units = list[str]()
         self._finger_joints = list[str]()
         for robot, told in zip(self._robots, first.arms, strict=True):
             arm = plant.GetModelInstanceByName(robot.arm_model)
-            efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
+            actuators = model_actuators(plant, arm)
+            efforts = [a.effort_limit() for a in actuators]
             plant.SetPositions(plant_context, arm, told.state[: len(efforts)])
             whose = f" of {robot.name}" if robot.name else ""
             fingers = robot.gripper.joint_names if robot.gripper else ()
             self._efforts += efforts
+            self.joint_units += [joint_unit(a.joint()) for a in actuators]
             self._joints += [f"joint {i + 1}{whose}" for i in range(len(efforts))]
             self._finger_joints += [
                 f"finger joint {i + 1}{whose}" for i in range(len(fingers))
@@ -448,13 +454,17 @@ class TwinLoop:
             return int(np.argmax(np.abs(np.nan_to_num(self.value(port)))))
 
         if kind == "joint":
-            joint = self._joints[worst("twin.joint_error")]
-            return f"{joint} is {amount:.3f} rad from the twin's (limit {limit:g})"
+            i = worst("twin.joint_error")
+            return (
+                f"{self._joints[i]} is {amount:.3f} {self.joint_units[i]} from the "
+                f"twin's (limit {limit:g})"
+            )
         if kind == "torque":
             residual = np.nan_to_num(self.value("twin.torque_residual"))
             i = int(np.argmax(np.abs(residual) / self._efforts))
+            unit = TORQUE_UNITS[self.joint_units[i]]
             return (
-                f"{self._joints[i]} has {amount * self._efforts[i]:.1f} N m more or "
+                f"{self._joints[i]} has {amount * self._efforts[i]:.1f} {unit} more or "
                 f"less than the twin expects, {amount:.1%} of its largest torque "
                 f"(limit {limit:.1%})"
             )

@@ -19,7 +19,13 @@ from drake_srg.robot.drive.opening import MakeRobots, check_arms
 from drake_srg.robot.serve.commands import Warnings
 from drake_srg.robot.serve.loop import ServedReplay
 from drake_srg.robot.twin.comparison import KINDS
-from drake_srg.robot.twin.loop import Listener, Parting, Told, TwinLoop
+from drake_srg.robot.twin.loop import (
+    TORQUE_UNITS,
+    Listener,
+    Parting,
+    Told,
+    TwinLoop,
+)
 from drake_srg.robot.twin.station import AddTwin, MakeTwin
 from drake_srg.scenario import Scenario, robot_arms
 from drake_srg.simulation.flat import MakeRoot
@@ -210,8 +216,11 @@ def status_text(loop: TwinLoop) -> str:
     joint, torque, finger, thing = loop.value("twin.difference")
     force = loop.force
     expected = float(abs(loop.value("twin.torque_expected")).max())
+    units = list(dict.fromkeys(loop.joint_units))
+    length, effort = " or ".join(units), " or ".join(TORQUE_UNITS[u] for u in units)
     return (
-        f"twin: {loop.time:.1f} s, joints {joint:.3f} rad, fingers {finger:.3f} rad, "
-        f"objects {1e3 * thing:.0f} mm, torque {torque:.1%} of its limit; expects "
-        f"{force:.0f} N at the fingers, {expected:.0f} N m at the arm"
+        f"twin: {loop.time:.1f} s, joints {joint:.3f} {length}, "
+        f"fingers {finger:.3f} rad, objects {1e3 * thing:.0f} mm, "
+        f"torque {torque:.1%} of its limit; expects {force:.0f} N at the fingers, "
+        f"{expected:.0f} {effort} at the arm"
     )

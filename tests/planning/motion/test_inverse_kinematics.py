@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from drake_srg.planning.motion.inverse_kinematics import (
     find_posture,
     solve_inverse_kinematics,
 )
+from drake_srg.scenario import load_scenario
+from drake_srg.station.planners import own_scene
 from drake_srg.types import Failure, Sphere
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -178,6 +181,15 @@ def test_two_joints_reach_targets_in_their_plane_only(pendulum):
     failure = solve_inverse_kinematics(pendulum, aside, q_nominal=nominal)
     assert failure.requirement is Requirement.POSITION
     assert failure.violation == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_limit_is_told_in_the_unit_of_its_joint():
+    scenario = load_scenario("gripper_bench")
+    scene, home = own_scene(scenario), np.array(scenario.arm.home)
+    far = scene.X_WG(home).translation() + 3.0 * Z
+    failure = solve_inverse_kinematics(scene, HandTarget(far), q_nominal=home)
+    assert failure.requirement is Requirement.JOINT_LIMITS
+    assert re.search(r"would have to go \d\.\d{3} m beyond its limit", failure.message)
 
 
 def test_a_vector_of_the_wrong_size_is_refused_with_the_joint_names(solve):

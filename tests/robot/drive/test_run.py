@@ -27,7 +27,7 @@ from drake_srg.robot.drive.config import HardwareConfig
 from drake_srg.robot.drive.link import STAMP
 from drake_srg.robot.drive.opening import Hardware
 from drake_srg.robot.drive.remote_planner import Answer, Ended
-from drake_srg.robot.drive.run import ControlLoop, check_servo
+from drake_srg.robot.drive.run import ControlLoop, _check_home, check_servo
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Failure, Mode, PlannerStatus
 from robot.drive.stand import HOME, FakeArm, Stand
@@ -227,6 +227,20 @@ def robot(tmp_path):
             yield process, file
         finally:
             process.kill()
+
+
+@pytest.mark.parametrize(
+    ("scenario", "where"),
+    [
+        ("kitchen", "joint 4 is 1.900 rad away"),
+        ("gripper_bench", "joint 3 is 0.400 m away"),
+    ],
+)
+def test_an_arm_that_is_not_at_home_is_told_in_the_joint_s_unit(scenario, where):
+    scenario = load_scenario(scenario)
+    start = {"arm.state_measured": np.zeros(2 * len(scenario.arm.home))}
+    with pytest.raises(ScenarioError, match=rf"arm\.home: .*, but {where}"):
+        _check_home(scenario, Hardware([], {}, start))
 
 
 @pytest.mark.slow

@@ -103,6 +103,29 @@ def test_a_hot_servo_is_released():
     assert released(gripper)
 
 
+def test_a_hot_servo_is_released_while_it_heats():
+    gripper = Gripper()
+    gripper.heat = 55.0  # the calibration leaves it below 60 degC
+    plan = Plan(position=(), torque=(), heating=(60,))
+    with pytest.raises(RecordingError, match=r"^servo 1: is at 61 degC \(allowed: 60"):
+        list(record(gripper.servo(), plan))
+    assert gripper.heat < 61.5
+    assert released(gripper)
+
+
+@pytest.mark.parametrize("duration", [0.05, 0.25, 1.0])
+def test_every_wait_looks_at_the_temperature_and_lasts_no_longer(duration):
+    gripper = Gripper()
+    servo = gripper.servo()
+    begun = gripper.time
+    servo.sleep(duration)
+    assert gripper.time - begun == pytest.approx(duration)
+    gripper.heat = 61.0
+    gripper.pause(0.0)
+    with pytest.raises(RecordingError, match=r"is at 61 degC"):
+        servo.sleep(duration)
+
+
 def test_a_servo_that_stays_cool_is_released():
     gripper = Gripper()
     plan = Plan(position=(), torque=(), heating=(10,), patience=20.0)

@@ -195,6 +195,16 @@ def test_a_goal_can_be_canceled(id, time):
     assert TRAJECTORY in served.inbox.take()  # it stays where it is
 
 
+def test_without_a_stamp_only_the_named_goal_is_canceled():
+    served = Served()
+    served.time = -PERIOD
+    _, result = served.goal(A)  # accepted at t = 0
+    assert served.cancel(B).return_code == CancelCode.UNKNOWN_GOAL_ID
+    assert result() is None
+    assert served.cancel(B, 0.1).goals_canceling  # A began before
+    assert end(result) == (GoalStatus.CANCELED, ErrorCode.SUCCESSFUL)
+
+
 def test_what_cannot_be_canceled():
     served = Served()
     served.goal(A)

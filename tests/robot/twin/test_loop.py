@@ -79,6 +79,19 @@ def test_an_arm_that_goes_where_the_table_is_differs(loop):
     assert "joint" in reports[0].text
 
 
+def test_a_gantry_differs_in_meters_and_newtons():
+    gantry = load_scenario("gripper_bench", overrides=["twin.settle=0.1"])
+    home = np.array(gantry.arm.home)
+    own = functools.partial(
+        told, state=np.append(home, np.zeros(3)), torque=np.array([500.0, 0.0, 0.0])
+    )
+    loop = make_loop(gantry, own(100.0))
+    reports = follow(loop, 100.0, 101.0, told=own)
+    assert [report.kind for report in reports] == ["torque"]
+    assert " N more or less" in reports[0].text
+    assert "joints 0.000 m, fingers" in status_text(loop)
+
+
 def test_fingers_that_do_not_close_differ(loop):
     still = np.zeros(8)
     assert follow(loop, 100.0, 100.5, fingers=still) == []
@@ -197,17 +210,23 @@ def test_a_listener_tells_what_it_has_heard():
 
 
 @pytest.mark.parametrize(
-    ("topic", "kind", "data"),
+    ("topic", "kind", "data", "why"),
     [
-        ("/grasp", "Int32", 101),
-        ("/grasp", "Int32", -1),
-        ("/gripper/closure_commanded", "Float64", np.nan),
-        ("/blobs", "String", "{"),
+        ("/grasp", "Int32", 150, "must be 0 (open) to 100 (closed), got 150"),
+        ("/grasp", "Int32", -1, "must be 0 (open) to 100 (closed), got -1"),
+        (
+            "/gripper/closure_commanded",
+            "Float64",
+            np.nan,
+            "must be 0 (open) to 1 (closed), got nan",
+        ),
+        ("/blobs", "String", "{", ""),
     ],
 )
-def test_bad_messages_change_nothing(topic, kind, data):
+def test_bad_messages_change_nothing(topic, kind, data, why):
     talk = Talk()
-    assert len(talk.say(topic, kind, data)) == 1
+    (refusal,) = talk.say(topic, kind, data)
+    assert why in refusal
     assert talk.joints(1.0, arm=HOME * np.nan) != []
     assert talk.listener.take() is None
     talk.joints(1.0)

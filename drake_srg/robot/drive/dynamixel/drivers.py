@@ -283,7 +283,7 @@ class DynamixelArm(DynamixelConfig):
     ids: list[int] = dc.field(default_factory=list)
     # Position at the joint's zero [counts], and the sign of the rotation: 1 if the
     # position rises with the joint's angle, otherwise -1. One entry for all joints, or
-    # one per joint.
+    # one per joint. A command beyond the servo's turn is refused, with a warning.
     zero: list[int] = dc.field(default_factory=lambda: [TURN // 2])
     direction: list[int] = dc.field(default_factory=lambda: [1])
     # Torque of a joint at full load, one entry per joint [N m]; empty: unknown.
@@ -325,6 +325,10 @@ class _ArmLink(Link):
             self.outputs["arm.torque_measured"] = n
         self._ids = config.ids or list(range(1, n + 1))
         self._zero, self._direction = np.array(config.zero), np.array(config.direction)
+        self._names, self._warnings = robot.arm_joints, robot.warnings
+        # Positions of the joints at the ends of the servos' turn, shape (2, N) [rad].
+        ends = [self._angles(np.full(n, count)) for count in (0, TURN - 1)]
+        self._ends = np.sort(ends, axis=0)
         self._mail, self._bus = Mailbox(), bus
         self._group = ServoGroup(
             self._ids,
@@ -339,17 +343,37 @@ class _ArmLink(Link):
 
     def send(self, commands: PortValues) -> None:
         q = commands["arm.position_commanded"]
-        if np.isfinite(q).all():
-            counts = np.rint(self._zero + self._direction * q / _COUNT)
-            goals = np.clip(counts, 0, TURN - 1).astype(int).tolist()
+        if not np.isfinite(q).all():
+            return
+        counts = np.rint(self._zero + self._direction * q / _COUNT)
+        # Rounding takes half a turn from the middle one count too far.
+        outside = np.flatnonzero((counts < 0) | (counts > TURN)).tolist()
+        for i in outside:
+            self._refuse(i, q[i])
+        if not outside:
+            goals = np.minimum(counts, TURN - 1).astype(int).tolist()
             self._group.goals = dict(zip(self._ids, goals, strict=True))
+
+    def _refuse(self, i: int, q: float) -> None:
+        """Warn that joint i cannot reach a position [rad]."""
+        low, high = self._ends[:, i]
+        self._warnings.warn(
+            f"servo {self._ids[i]} turn",
+            f"arm: {self._names[i]}: must be {low:.3f} to {high:.3f} rad, the turn of "
+            f"servo {self._ids[i]}, got {q:.3g} (check arm.zero and arm.direction); "
+            "the last good command holds",
+        )
 
     def close(self) -> None:
         self._bus.remove(self._group)
 
+    def _angles(self, counts: Vector) -> Vector:
+        q: Vector = self._direction * (counts - self._zero) * _COUNT
+        return q
+
     def _receive(self, states: Sequence[ServoState]) -> None:
         counts = np.array([state.position for state in states])
-        q = self._direction * (counts - self._zero) * _COUNT
+        q = self._angles(counts)
         v = self._direction * [state.velocity for state in states]
         values = {"arm.state_measured": np.concatenate([q, v])}
         if self._torque.size:

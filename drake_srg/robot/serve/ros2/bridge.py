@@ -192,6 +192,8 @@ class Ros2Bridge(RosBridge):
 
     def has_subscribers(self, topic: str) -> bool:
         """Return whether a topic has a subscriber."""
+        if topic not in self._writers:
+            return False
         with contextlib.suppress(DDSException):  # closed
             # get_matched_subscriptions first counts, then lists, and fails if a reader
             # joins in between.

@@ -110,6 +110,22 @@ def test_a_command_that_is_not_finite_is_ignored():
     assert robot.line.closure == pytest.approx(0.5, abs=2e-3)
 
 
+def test_a_command_beyond_a_servo_s_turn_is_refused_and_names_the_joint():
+    robot = Bench({"zero": [2048, 3900, 2048]})
+    robot.cycle([0.1, 0.1, 0.1])
+    for _ in range(2):
+        robot.cycle([0.2, 0.4, 0.2])
+    at = 0.1 + 1852 * COUNT
+    assert robot.line.q == pytest.approx([0.1, at, 0.1], abs=2e-3)
+    assert robot.told == [
+        "arm: two: must be -5.983 to 0.299 rad, the turn of servo 2, got 0.4 (check "
+        "arm.zero and arm.direction); the last good command holds"
+    ]
+    robot.cycle([0.2, 0.1, np.pi])  # half a turn, which rounds to one count too many
+    assert robot.line.q == pytest.approx([0.2, at, 3.0], abs=2e-3)  # its own limit
+    assert len(robot.told) == 1
+
+
 @PROTOCOLS
 def test_the_gripper_tells_of_contact_by_its_load(protocol):
     robot = Bench(protocol=protocol)

@@ -206,6 +206,10 @@ def test_a_stopped_reader_delays_nobody(bridge, peer):
     assert [stamp for stamp in stamps if stamp] == list(range(1, count + 1))
 
 
+def test_a_topic_that_it_does_not_publish_has_no_subscribers(bridge):
+    assert not bridge.has_subscribers("/unknown")
+
+
 def test_a_closed_bridge_is_silent_and_leaves_no_thread(bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
     bridge.close()
