@@ -271,5 +271,6 @@ def test_ctrl_c_ends_workers_at_once():
         sweeping.stdout.readline()
         os.killpg(sweeping.pid, signal.SIGINT)  # as a terminal sends it, to all
         _, errors = sweeping.communicate(timeout=60)
-    assert errors.splitlines()[-1] == "KeyboardInterrupt"
+    # Loky's tracker, another process, may still warn of what killed workers left.
+    assert "KeyboardInterrupt" in errors.splitlines()
     assert "LokyProcess" not in errors  # the workers are silent
