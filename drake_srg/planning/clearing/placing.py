@@ -111,20 +111,14 @@ class BinMotions(ClearingMotions):
         A load that cannot be lifted so high is assumed to stay level.
         """
         scene, moves = self.scene, self._moves
-        unreached = np.inf  # height to which the arm cannot lift the load
         for lifted in (load, load.level):
             rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
-            rise = max(least, rise)
-            if rise == unreached:  # the same lift would fail again
-                break
             scene.SetFingers(grasp.fingers_closed)
             try:
-                unreached = rise
                 with scene.reaching(TIPS):
-                    above = moves.above(q_grasp, rise)
+                    above = moves.above(q_grasp, max(least, rise))
                     up = PathPart(moves.straight(q_grasp, above), STRAIGHT)
                     lifting = moves.timed_part(up, self._lifting(load))
-                unreached = np.inf
                 with standing(scene, height_map, self._table, taken=grasp.p_WC):
                     return self._into_bin(up, lifting, grasp, load, lifted)
             except NoPathError as error:

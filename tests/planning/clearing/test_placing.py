@@ -13,12 +13,11 @@ from drake_srg.planning.clearing.destination import Spot, Spots
 from drake_srg.planning.clearing.motions import HeldLoad
 from drake_srg.planning.clearing.placing import laying_targets
 from drake_srg.planning.grasps.top_grasps import palm_pose
-from drake_srg.planning.motion.moves import Moves
-from drake_srg.planning.motion.planning_scene import NoPathError, PlanningFailure
+from drake_srg.planning.motion.planning_scene import PlanningFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.station.clearing import MakeClearingPlanner
 from drake_srg.station.perception import bin_boxes, bin_floor, row_places
-from drake_srg.types import Failure, Mode
+from drake_srg.types import Mode
 from planning.clearing.fake_table import SIDE, grasp_at, moved, table
 
 OVER = np.array([0.3, -0.5, 0.6])  # the palm over the bin
@@ -141,26 +140,6 @@ def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
     expected = 0.5 * (low + high)[:2] + [aside, 0.0]
     np.testing.assert_allclose(p_W[:2], expected, atol=0.005)
     assert p_W[2] > high[2]  # what stood on the table clears the rim
-
-
-@pytest.mark.parametrize(("filled", "lifts"), [(0.0, 1), (0.4, 2)])
-def test_a_lift_that_fails_is_planned_once(motions, monkeypatch, filled, lifts):
-    """If the bin is full, a lift as for an empty bin is tried, too."""
-    tried = []
-
-    def above(moves, q, rise):
-        if rise > 0.08:  # not the approach
-            tried.append(rise)
-            raise NoPathError(PlanningFailure(Failure.OUT_OF_REACH, "too high"))
-        return original(moves, q, rise)
-
-    original = Moves.above
-    monkeypatch.setattr(Moves, "above", above)
-    planned = motions.plan(
-        motions.q_home, grasp_at(PLACE), moved(table()), filled=filled
-    )
-    assert planned.message == "too high"
-    assert len(tried) == len(set(tried)) == lifts
 
 
 def test_the_arm_rests_only_at_the_grasp_and_over_the_bin(motions):
