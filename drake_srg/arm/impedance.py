@@ -23,7 +23,7 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, stiff_gains
-from drake_srg.common.systems import model_actuators
+from drake_srg.common.systems import model_actuators, moving_joints
 from drake_srg.config import Config, positive
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
@@ -269,7 +269,8 @@ class ArmImpedanceDriver(ArmDriver):
     ) -> None:
         """Add the control, and export `desired_state`, `actuation` or both."""
         spring = self._spring(control_plant, arm)
-        joints = _moving_joints(control_plant, arm)
+        model = control_plant.GetModelInstanceByName(arm)
+        joints = moving_joints(control_plant, model)
         self._check_stability(spring, joints)
         limits = signals.effort_limits
         control = inner.AddNamedSystem(
@@ -342,13 +343,6 @@ class ArmImpedanceDriver(ArmDriver):
                 f"damping_ratio {self.damping_ratio:g} "
                 f"(allowed: up to {longest:g} s, or less stiffness)"
             )
-
-
-def _moving_joints(plant: MultibodyPlant, model: str) -> list[Joint]:
-    """Return a model's joints that are not welded."""
-    indices = plant.GetJointIndices(plant.GetModelInstanceByName(model))
-    joints = [plant.get_joint(index) for index in indices]
-    return [joint for joint in joints if joint.num_positions()]
 
 
 class ImpedanceControl(LeafSystem):

@@ -164,6 +164,13 @@ def model_actuators(
     return [a for a in actuators if a.model_instance() == model]
 
 
+def moving_joints(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[Joint]:
+    """Return a model's joints with one position, in the order of their positions."""
+    joints = map(plant.get_joint, plant.GetJointIndices(model))
+    moving = (joint for joint in joints if joint.num_positions() == 1)
+    return sorted(moving, key=lambda joint: joint.position_start())
+
+
 def joint_unit(joint: Joint) -> str:
     """Return the unit of a joint's position: m if it slides, otherwise rad."""
     return "m" if joint.type_name() == PrismaticJoint.kTypeName else "rad"

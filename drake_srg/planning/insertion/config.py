@@ -135,6 +135,12 @@ class InsertMemory(PlannerMemory):
     insertion: Insertion = dc.field(default_factory=Insertion)
 
 
+def insertion_of(memory: PlannerMemory) -> Insertion:
+    """Return the memory of the insertion."""
+    assert isinstance(memory, InsertMemory)
+    return memory.insertion
+
+
 @dc.dataclass(frozen=True)
 class Task:
     """The knowledge of all modes of an insertion.
@@ -180,3 +186,13 @@ class Task:
     def wall(self, tip: Insertion) -> Vector:
         """Return the direction in which the lower edge meets the wall, shape (3,)."""
         return -tip.along if self.config.over else tip.along
+
+
+def centred(q: Vector) -> Vector:
+    """Return the angles (n,) of two fingers, left and right in turn, averaged [rad].
+
+    Those of another hand are returned unchanged.
+    """
+    if len(q) % 2:
+        return q
+    return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)

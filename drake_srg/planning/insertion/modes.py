@@ -17,7 +17,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.grasps.grasps import pose_along
-from drake_srg.planning.insertion.config import Insertion, InsertMode, Task
+from drake_srg.planning.insertion.config import (
+    Insertion,
+    InsertMode,
+    Task,
+    centred,
+    insertion_of,
+)
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.pick_and_place.knowledge import PlannerMemory
 from drake_srg.planning.pick_and_place.modes import (
@@ -35,6 +41,7 @@ from drake_srg.planning.servoing.hand_motion import (
     limited,
     rotation_vector,
     turned,
+    upright,
 )
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
@@ -67,12 +74,6 @@ _SHALLOW = 0.003  # depth from which a peg has entered [m]
 # The wall is at most this much farther than twice the inset [m]. A peg that slides
 # farther has met no hole.
 _STRAY = 0.002
-
-
-def insertion_of(memory: PlannerMemory) -> Insertion:
-    """Return the memory of the insertion."""
-    insertion: Insertion = memory.insertion  # type: ignore[attr-defined]  # see planner
-    return insertion
 
 
 class PegMode(TaskMode):
@@ -123,7 +124,7 @@ class Inserting(PegMode, Carrying, abc.ABC):
         tip.along = level / np.linalg.norm(level)
         rim = task.X_WO_goal.translation().copy()
         rim[2] += task.config.depth - 0.5 * task.peg.height
-        tip.X_WU = RigidTransform(_upright(tip.X_WT.rotation()), rim)
+        tip.X_WU = RigidTransform(upright(tip.X_WT.rotation()), rim)
         tip.rim, tip.angle = float(rim[2]), 0.0
         tip.tries, tip.stops, tip.deepest, tip.seated = 0, (), 0.0, False
 
@@ -135,7 +136,7 @@ class Inserting(PegMode, Carrying, abc.ABC):
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Move the set-point, unless the hand has lost the peg."""
         # If the hole holds the hand aside, one finger closes farther than the other.
-        seen = dc.replace(now.senses, fingers=_centred(now.senses.fingers))
+        seen = dc.replace(now.senses, fingers=centred(now.senses.fingers))
         memory = super().update(memory, dc.replace(now, senses=seen))
         config, tip = self.task.config, insertion_of(memory)
         if memory.attempt.lost or memory.trouble.touched:
@@ -596,21 +597,3 @@ INSERTION_MODES: tuple[type[PegMode], ...] = (
     *(Tilt, Search, Slide, Spiral, Upright, Press, Relax, Withdraw),
     *(ReleaseSeated, HomeInserted),
 )
-
-
-def _centred(q: Vector) -> Vector:
-    """Return the angles (n,) of two fingers, left and right in turn, averaged [rad].
-
-    Those of another hand are returned unchanged.
-    """
-    if len(q) % 2:
-        return q
-    return np.repeat(0.5 * (q[0::2] + q[1::2]), 2)
-
-
-def _upright(R_WT: RotationMatrix) -> RotationMatrix:
-    """Return the nearest rotation whose z is vertical."""
-    z = R_WT.col(2)
-    turn = np.cross(z, _UP)
-    sine = float(np.linalg.norm(turn))
-    return R_WT if sine < 1e-9 else turned(R_WT, np.arctan2(sine, z[2]) / sine * turn)

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from drake_srg.common.geometry import cross
-from drake_srg.common.systems import joint_unit
+from drake_srg.common.systems import joint_unit, moving_joints
 from drake_srg.types import Vector
 
 
@@ -158,10 +158,10 @@ class ArmModel:
         self.hand_frame = hand_frame
         self._gripper_model = gripper
         self._positions = plant.GetPositions(self.context)
-        joints = _moving_joints(plant, arm)
+        joints = moving_joints(plant, arm)
         self.joint_names = [joint.name() for joint in joints]
         self.joint_units = [joint_unit(joint) for joint in joints]
-        self.finger_names = [joint.name() for joint in _moving_joints(plant, gripper)]
+        self.finger_names = [joint.name() for joint in moving_joints(plant, gripper)]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
         # Random postures need limits, so an unlimited joint gets two turns.
         lower = plant.GetPositionLowerLimits()[self.arm_indices]
@@ -261,12 +261,6 @@ class ArmModel:
         """Return the hand's pose in the world [m] with the arm at `q`."""
         self.plant.SetPositions(self.context, self.positions(q))
         return self.hand_frame.CalcPoseInWorld(self.context)
-
-
-def _moving_joints(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[Joint]:
-    joints = map(plant.get_joint, plant.GetJointIndices(model))
-    moving = (joint for joint in joints if joint.num_positions() == 1)
-    return sorted(moving, key=lambda joint: joint.position_start())
 
 
 class _WithScene(Protocol):

@@ -164,6 +164,14 @@ def turned(R: RotationMatrix, turn: Vector) -> RotationMatrix:
     return RotationMatrix(AngleAxis(angle, turn / angle)) @ R
 
 
+def upright(R: RotationMatrix) -> RotationMatrix:
+    """Return the nearest rotation whose z is vertical."""
+    z = R.col(2)
+    turn = np.cross(z, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(turn))
+    return R if sine < 1e-9 else turned(R, np.arctan2(sine, z[2]) / sine * turn)
+
+
 def limited(vector: Vector, most: float) -> Vector:
     """Return a vector, shortened to the length `most` if necessary."""
     length = float(np.linalg.norm(vector))

@@ -24,6 +24,7 @@ from drake_srg.common.systems import (
     export_outputs,
     input_ports,
     joint_unit,
+    moving_joints,
     output_ports,
 )
 from drake_srg.lifetime import my_context
@@ -41,7 +42,6 @@ from drake_srg.robot.serve.commands import (
     CommandInbox,
     PortValues,
     Warnings,
-    moving_joints,
     port_of,
     safety_topics,
 )
@@ -465,10 +465,12 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
         away = np.abs(state[: len(home)] - home)
         if away.max() > _HOME:
             worst = int(np.argmax(away))
-            joints = moving_joints(MakeModelsPlant(scenario), own.arm_model)
+            plant = MakeModelsPlant(scenario)
+            model = plant.GetModelInstanceByName(own.arm_model)
+            unit = joint_unit(moving_joints(plant, model)[worst])
             raise ScenarioError(
                 f"{own.key}arm.home: the arm must start there, but joint {worst + 1} "
-                f"is {away[worst]:.3f} {joint_unit(joints[worst])} away "
+                f"is {away[worst]:.3f} {unit} away "
                 f"(allowed: {_HOME})"
             )
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from drake_srg.arm.reference import CAPACITY, trajectory_piece
 from drake_srg.common.safety_states import SafetyState, safety_state
+from drake_srg.common.systems import moving_joints
 from drake_srg.scenario.schema import RobotArm
 from drake_srg.types import Vector
 
@@ -316,26 +316,18 @@ def arm_joint_names(plant: MultibodyPlant, robot: RobotArm = ONE_ARM) -> list[st
 
     Names of the arm `left` begin with `left_`.
     """
-    moving = moving_joints(plant, robot.arm_model)
+    moving = moving_joints(plant, plant.GetModelInstanceByName(robot.arm_model))
     return [robot.system(joint.name()) for joint in moving]
-
-
-def moving_joints(plant: MultibodyPlant, instance: str) -> list[Joint]:
-    """Return a model's joints with one position, in the order of their positions."""
-    model = plant.GetModelInstanceByName(instance)
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
-    joints = [joint for joint in joints if joint.num_positions() == 1]
-    return sorted(joints, key=lambda joint: joint.position_start())
 
 
 def joint_limits(
     plant: MultibodyPlant, instance: str, joints: list[str] | None = None
 ) -> tuple[Vector, Vector]:
     """Return the lower and upper position limits of a model's joints [rad or m]."""
+    model = plant.GetModelInstanceByName(instance)
     if joints is None:
-        moving = moving_joints(plant, instance)
+        moving = moving_joints(plant, model)
     else:
-        model = plant.GetModelInstanceByName(instance)
         moving = [plant.GetJointByName(name, model) for name in joints]
     return (
         np.array([joint.position_lower_limit() for joint in moving]),
