@@ -107,7 +107,9 @@ class Insertion(Memory):
     # Felt depth when the peg last sank noticeably [m], and the time of that [s].
     sunk: float = 0.0
     sunk_at: float = 0.0
-    q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # commanded (N,) [rad]
+    # Commanded joints (N,) [rad], and their velocities [rad/s].
+    q: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    v: Vector = dc.field(default_factory=lambda: np.zeros(0))
     X_TG: RigidTransform | None = None  # the hand in the tip's frame [m]
     X_WU: RigidTransform | None = None  # the tip, upright on the goal's rim [m]
     along: Vector = dc.field(default_factory=lambda: np.zeros(3))  # pinch axis, level

@@ -46,6 +46,9 @@ from drake_srg.planning.servoing.hand_motion import (
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
+# Speed of the joints in a period over their distance from where the set-point wants
+# them. From one constant acceleration to the next, this is critically damped.
+_FOLLOWING = 6.0 - np.sqrt(32.0)
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg counts as resting [s]
@@ -100,9 +103,10 @@ class Inserting(PegMode, Carrying, abc.ABC):
     haste: ClassVar[float] = 1.0
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Begin at the current commands."""
+        """Begin at the current commands, without a rest between two of these modes."""
+        moving = memory.motion
         memory = super().enter(memory, entry)
-        tip = insertion_of(memory)
+        memory.motion, tip = moving, insertion_of(memory)
         if entry.previous is Mode.PLACE:
             self._begin(memory, tip)
         self._measure(tip, entry.senses.q, share=1.0)
@@ -114,6 +118,7 @@ class Inserting(PegMode, Carrying, abc.ABC):
         """Record the hand's hold on the peg, and the expected place of the hole."""
         task, grasp = self.task, memory.attempt.planned.grasp
         tip.q = memory.motion.destination
+        tip.v = np.zeros_like(tip.q)
         X_WG = task.arm.X_WG(tip.q)
         up_G = np.copysign(1.0, (X_WG.rotation() @ grasp.axis_G)[2]) * grasp.axis_G
         p_GT = grasp.p_GO - 0.5 * task.peg.height * up_G
@@ -164,20 +169,26 @@ class Inserting(PegMode, Carrying, abc.ABC):
         most = config.torque_limit / config.turning_stiffness
         tip.X_WT = RigidTransform(turned(X_WM.rotation(), limited(turn, most)), p)
         assert tip.X_TG is not None
-        q_before = tip.q
         twist = hand_twist(
             arm.X_WG(tip.q),
             tip.X_WT @ tip.X_TG,
-            gain=1.0 / config.period,
+            gain=_FOLLOWING / config.period,
             speed=0.25,
             turning=1.0,
         )
-        tip.q = arm.step(tip.q, twist, config.period, _LEAST).q
-        # The driver derives speeds from changes of the commands, so they change evenly.
-        way = PiecewisePolynomial.FirstOrderHold(
-            [0.0, config.period], np.column_stack([q_before, tip.q])
-        )
-        memory.motion = Motion(tip.q, way, time, time + config.period)
+        wanted = arm.step(tip.q, twist, config.period, _LEAST).q
+        change = (wanted - tip.q) / config.period - tip.v
+        most = np.max(np.abs(change) / (arm.acceleration * config.period))
+        q, v = [tip.q], [tip.v, tip.v + change / max(most, 1.0)]
+        # If no other command follows, the arm brakes.
+        braking = max(np.max(np.abs(v[1]) / arm.acceleration), config.period)
+        v.append(np.zeros_like(tip.v))
+        for i, duration in enumerate((config.period, braking)):
+            q.append(q[i] + 0.5 * duration * (v[i] + v[i + 1]))
+        breaks = [0.0, config.period, config.period + braking]
+        way = PiecewisePolynomial.CubicHermite(breaks, np.transpose(q), np.transpose(v))
+        tip.q, tip.v = q[1], v[1]
+        memory.motion = Motion(q[0], way, time, time + config.period)
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the target of the set-point, shape (3,) [m]."""
@@ -566,12 +577,14 @@ class ReleaseSeated(PegMode, Release):
     mode: ClassVar[AnyMode] = Mode.RELEASE
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Keep the set-point of a seated peg, and rest where the arm is otherwise."""
-        tip = insertion_of(memory)
+        """Keep the set-point of a seated peg; otherwise, rest where the arm is."""
+        tip, moving = insertion_of(memory), memory.motion
         if not tip.seated or memory.attempt.lost:
-            memory.motion = Motion(entry.senses.q.copy())
-            return super().enter(memory, entry)
-        memory.motion = Motion(tip.q)
+            memory.motion = Motion(entry.senses.q.copy())  # the escape begins there
+            memory = super().enter(memory, entry)
+            memory.motion = moving.led_to(entry.senses.q, entry.time)
+            return memory
+        memory.motion = moving.ended(entry.time)
         memory.closure = memory.attempt.planned.grasp.closure_open
         memory.attempt.escape = None
         self.replanner.escape(memory, entry.time)

@@ -133,6 +133,19 @@ class Motion:
         rest = self.stopped(time) if under_way else Motion(self.q_rest)
         return dc.replace(rest, q_rest=self.position(time))
 
+    def led_to(self, q: Vector, time: float) -> Motion:
+        """Return the motion that leaves its path to rest at `q` (N,) [rad]."""
+        v = np.zeros_like(q)
+        if self.trajectory is not None and self.stopped_at is None:
+            t = min(time - self.departed, self.trajectory.end_time())
+            v = self.trajectory.EvalDerivative(t, 1)[:, 0]
+        aside = PiecewisePolynomial.CubicHermite(
+            [0.0, STOP_TIME],
+            np.column_stack([self.position(time), q]),
+            np.column_stack([v, np.zeros_like(q)]),
+        )
+        return dc.replace(self.followed_by(aside, time), q_rest=q.copy())
+
     def followed_by(
         self, trajectory: Trajectory | None, time: float, wait: float = 0.0
     ) -> Motion:

@@ -37,6 +37,7 @@ class ServoArm(ArmModel):
 
     Attributes:
         speed: Largest joint speeds, shape (N,) [rad/s].
+        acceleration: The joints' largest accelerations, shape (N,) [rad/s²].
     """
 
     def __init__(self, plant: MultibodyPlant) -> None:
@@ -44,6 +45,8 @@ class ServoArm(ArmModel):
         palm = plant.GetFrameByName("palm", gripper)
         super().__init__(plant, plant.GetModelInstanceByName("arm"), gripper, palm)
         self.speed: Vector = _SPEED * plant.GetVelocityUpperLimits()[self.arm_indices]
+        limits = plant.GetAccelerationUpperLimits()
+        self.acceleration: Vector = limits[self.arm_indices]
 
     def step(self, q: Vector, twist: Vector, period: float, least: float) -> JointStep:
         """Return the joints after a step that moves the hand along a twist.

@@ -55,6 +55,7 @@ class FreeHand:
 
     step = ServoArm.step
     speed, lower, upper = np.full(6, 10.0), np.full(6, -10.0), np.full(6, 10.0)
+    acceleration = np.full(6, 10.0)
 
     def X_WG(self, q):
         return RigidTransform(RollPitchYaw(q[3:]), q[:3])
@@ -85,6 +86,7 @@ def make_memory(p_WT):
     memory.attempt.motions = types.SimpleNamespace(grasp=grasp, motions={})
     memory.insertion = Insertion(
         q=joints(p_WT),
+        v=np.zeros(6),
         X_TG=X_TG,
         X_WU=RigidTransform(RIM),
         X_WT=RigidTransform(p_WT),
