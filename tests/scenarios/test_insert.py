@@ -35,13 +35,16 @@ def test_the_hand_has_a_way_out_where_the_peg_is_seated(position):
 
 @pytest.mark.slow
 def test_the_peg_is_seated_and_released():
-    metrics = Simulate(load_scenario("insert")).metrics
+    metrics = Simulate(load_scenario("insert", overrides=["safety={}"])).metrics
     assert metrics.success, metrics.failure
+    assert metrics.safety_stops == []
     assert np.abs(metrics.placement_error_m[2]) < 5e-4
 
 
 @pytest.mark.slow
 def test_a_plate_without_a_hole_is_told():
     # The experiment insertion_told has other wrong holes.
-    scenario = load_scenario("insert", overrides=[NO_HOLE, "planner.tries=1"])
-    assert Simulate(scenario).metrics.failure == "no_hole"
+    overrides = [NO_HOLE, "planner.tries=1", "safety={}"]
+    metrics = Simulate(load_scenario("insert", overrides=overrides)).metrics
+    assert metrics.failure == "no_hole"
+    assert metrics.safety_stops == []

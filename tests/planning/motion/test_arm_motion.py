@@ -130,3 +130,15 @@ def test_a_rest_is_resumed_as_a_rest():
     rest = Motion(START)
     np.testing.assert_array_equal(rest.resumed(1.0, 0.0).position(2.0), START)
     np.testing.assert_array_equal(rest.nearest(END)[1], START)
+
+
+@given(moments)
+def test_a_motion_that_is_led_aside_goes_on_without_a_jump(moment):
+    now, q = 5.0 + moment, np.array([0.3, -0.2])
+    after, soon = UNDER_WAY.led_to(q, now), now + 1e-4
+    assert after.position(now) == pytest.approx(UNDER_WAY.position(now))
+    np.testing.assert_allclose(
+        after.position(soon), UNDER_WAY.position(soon), atol=1e-5
+    )
+    assert after.destination == pytest.approx(q)
+    assert after.q_rest == pytest.approx(q)
