@@ -24,7 +24,7 @@ from drake_srg.parsing import configure_parser
 
 HOLES = (
     *("hole_none", "pin_20", "hole_25", "hole_12", "hole_square", "hole_keyed"),
-    *("hole_25_chamfer", "hole_12_chamfer"),
+    *("hole_25_chamfer", "hole_12_chamfer", "hole_25_mesh"),
     *("hole_square_chamfer", "hole_keyed_chamfer"),
 )
 BASES = {

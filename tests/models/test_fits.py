@@ -9,13 +9,15 @@ from pydrake.geometry import (
     FramePoseVector,
     GeometryFrame,
     GeometryInstance,
+    Mesh,
     ProximityProperties,
+    ReadObjToTriangleSurfaceMesh,
     Role,
     SceneGraph,
 )
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from models.built_models import build
+from models.built_models import build, path_of
 
 UP = np.array([0.0, 0.0, 1.0])
 DEEP, SHALLOW = -0.019, -0.0005  # m
@@ -71,6 +73,34 @@ def keyed(radius, half_key, reach):
 @pytest.mark.parametrize("rim", ["", "_chamfer"])
 def test_a_thinner_outline_has_its_clearance_all_around(name, outline, rim, c):
     assert room(walls(name + rim), outline(c), DEEP) == pytest.approx(c, rel=0.02)
+
+
+def test_the_wall_of_a_mesh_is_closed_and_touches_its_circle():
+    ((_, wall, _),) = [
+        shape
+        for shape in build("hole_25_mesh").shapes(
+            build("hole_25_mesh").bodies()[0], Role.kProximity
+        )
+        if isinstance(shape[1], Mesh)
+    ]
+    mesh = ReadObjToTriangleSurfaceMesh(str(path_of(wall)))
+    corners = np.array(mesh.vertices())
+    triangles = np.array([[t.vertex(i) for i in range(3)] for t in mesh.triangles()])
+    edges = np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
+    # Each edge belongs to two triangles, which pass it in opposite directions.
+    assert sorted(edges) == sorted([b, a] for a, b in edges)
+    assert len({tuple(edge) for edge in edges}) == len(edges)
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    outer = 0.5 * 96 * 0.035**2 * np.sin(2 * np.pi / 96)
+    inner = 96 * 0.0125**2 * np.tan(np.pi / 96)
+    assert volume == pytest.approx(0.03 * (outer - inner), rel=1e-4)
+    normals = np.cross(b - a, c - a)
+    inside = np.linalg.norm(a[:, :2] + b[:, :2] + c[:, :2], axis=1) < 3 * 0.02
+    upright = inside & (np.abs(normals[:, 2]) < 1e-12)
+    units = normals[upright] / np.linalg.norm(normals[upright], axis=1, keepdims=True)
+    distances = -np.einsum("ij,ij->i", units, a[upright])
+    assert distances == pytest.approx(np.full(192, 0.0125), abs=2e-6)
 
 
 @pytest.mark.parametrize("name", ["hole_25", "hole_12", "hole_square", "hole_keyed"])

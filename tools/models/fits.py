@@ -19,9 +19,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .pieces import Inertial, Piece, Primitive, Proximity
+from .pieces import Inertial, Piece, Primitive, Proximity, Surface
 from .sdf import Files, Model
-from .shapes import Points, disc, prism, rot_y, rot_z
+from .shapes import Points, Solid, at_height, disc, prism, rot_y, rot_z
 
 DEPTH, FLOOR = 0.020, 0.010  # of the hole, and of the block below it [m]
 HALF = 0.035  # half of the block's width [m]
@@ -53,6 +53,9 @@ CONTACT = Proximity(rigid=None, friction=0.35, dissipation=90.0)
 # Pads press on a peg as on any object: peg and pad keep the usual dissipation.
 PEG = dc.replace(CONTACT, rigid=False, dissipation=10.0, modulus=1e7, resolution=0.004)
 BORE = dc.replace(CONTACT, dissipation=PEG.dissipation)  # meets a pin
+# Of the hole that is a mesh, for comparison: it meets a peg of 1e11 Pa or more.
+MESH = Proximity(rigid=True, friction=CONTACT.friction, dissipation=CONTACT.dissipation)
+FACETS = 96
 MASS = 0.1  # of a peg [kg]
 LOOKS = {
     "top": (0.62, 0.64, 0.66),
@@ -200,13 +203,50 @@ def _block(
         full = name + ("_chamfer" if chamfer else "")
         model = Model(full, LOOKS, text)
         pieces = [p for f in walls for p in f.wall(-DEPTH - FLOOR, 0.0, chamfer)]
-        low, high = -DEPTH - FLOOR, -DEPTH
-        floor = Primitive("box", (2 * reach, 2 * reach, FLOOR), (0, 0, low + FLOOR / 2))
-        seen = prism(disc(reach + 0.001), low, high)
-        pieces.append(Piece("floor", "hole", seen, floor, CONTACT))
-        model.AddLink("block", pieces, None)
+        model.AddLink("block", [*pieces, _floor(reach, CONTACT)], None)
         files |= model.finish(f"sdf/{full}.sdf")
     return files
+
+
+def _floor(reach: float, contact: Proximity) -> Piece:
+    """Return the floor of a hole, of half a width."""
+    low, size = -DEPTH - FLOOR, (2 * reach, 2 * reach, FLOOR)
+    shape = Primitive("box", size, (0.0, 0.0, low + 0.5 * FLOOR))
+    seen = prism(disc(reach + 0.001), low, -DEPTH)
+    return Piece("floor", "hole", seen, shape, contact)
+
+
+def _ring(outlines: Sequence[Points], z0: float, z1: float) -> Solid:
+    """Return the solid between two outlines of as many corners, the inner one first."""
+    n = len(outlines[0])
+    corners = [at_height(outline, z) for outline in outlines for z in (z0, z1)]
+    faces = []
+    for i in range(n):
+        in0, in1, out0, out1 = (i + n * k for k in range(4))
+        next_in0, next_in1, next_out0, next_out1 = (
+            (i + 1) % n + n * k for k in range(4)
+        )
+        faces += [
+            (in0, in1, next_in1, next_in0),
+            (out0, next_out0, next_out1, out1),
+            (in1, out1, next_out1, next_in1),
+            (in0, next_in0, next_out0, out0),
+        ]
+    return Solid(np.concatenate(corners), tuple(faces))
+
+
+def _mesh_hole(radius: float) -> Files:
+    """Return the files of a round hole whose wall is one rigid mesh."""
+    text = (
+        f"As hole_{2e3 * radius:.0f}.sdf, but its wall is a mesh of {FACETS} flats for "
+        "hydroelastic contact,\nagainst which point contact is checked."
+    )
+    model = Model(f"hole_{2e3 * radius:.0f}_mesh", LOOKS, text)
+    inner = disc(radius / np.cos(np.pi / FACETS), count=FACETS)
+    wall = _ring([inner, disc(HALF, count=FACETS)], -DEPTH - FLOOR, 0.0)
+    pieces = [Piece("wall", "top", wall, Surface(wall), MESH), _floor(radius, MESH)]
+    model.AddLink("block", pieces, None)
+    return model.finish(f"sdf/hole_{2e3 * radius:.0f}_mesh.sdf")
 
 
 def _pin() -> Files:
@@ -347,6 +387,7 @@ def build() -> Files:
         r, size = 0.5 * diameter, f"{1e3 * diameter:.0f}"
         hole = f"a hole of {size} mm"
         files |= _block(f"hole_{size}", hole, _circle(r), r, r * _ROOM)
+    files |= _mesh_hole(0.5 * DIAMETERS[0])
     what = (
         f"a square hole of {1e3 * SQUARE:.0f} mm, corners {1e3 * CORNER:.0f} mm round"
     )

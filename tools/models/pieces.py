@@ -45,6 +45,13 @@ class VolumeMesh:
 
 
 @dc.dataclass(frozen=True)
+class Surface:
+    """A solid whose mesh keeps its holes: contact does not take its convex hull."""
+
+    solid: Solid
+
+
+@dc.dataclass(frozen=True)
 class Proximity:
     """Contact properties; None leaves Drake's default, and dissipates nothing."""
 
@@ -67,7 +74,7 @@ class Piece:
     name: str
     look: str | None
     solid: Solid
-    collision: Primitive | VolumeMesh | Turned | Solid | None = None
+    collision: Primitive | VolumeMesh | Turned | Surface | Solid | None = None
     proximity: Proximity = Proximity()
 
 

@@ -11,7 +11,7 @@ from drake_srg.common.contacts import relaxation_time
 from drake_srg.objects.sdf import AddChild, AddPose
 from drake_srg.objects.soft import box_mesh, vtk_text
 
-from .pieces import Inertial, Piece, Primitive, Proximity, Turned, VolumeMesh
+from .pieces import Inertial, Piece, Primitive, Proximity, Surface, Turned, VolumeMesh
 from .shapes import Solid, format_number, obj_text
 
 Color = tuple[float, float, float]
@@ -105,12 +105,15 @@ class Model:
             if isinstance(shape, Turned):
                 AddPose(collision, (0, 0, 0), (0, 0, shape.angle))
                 name, solid = shape.name, shape.solid
+            elif isinstance(shape, Surface):
+                solid = shape.solid
             path = f"meshes/{self._meshes}_{name}_collision.obj"
             if path not in self.files:
                 self.files[path] = obj_text([solid], crease=0)
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")
-            AddChild(mesh, "drake:declare_convex")
+            if not isinstance(shape, Surface):
+                AddChild(mesh, "drake:declare_convex")
         AddProximity(collision, piece.proximity, resolution)
 
     def AddJoint(
