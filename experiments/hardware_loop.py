@@ -29,6 +29,7 @@ from drake_srg.recording.output import read_log
 from drake_srg.robot.serve.dynamixel.servo import JOINT
 from drake_srg.robot.serve.loop import LONGEST
 from drake_srg.scenario import Scenario, load_scenario, servo_of
+from drake_srg.simulation.measures import hole_force
 from drake_srg.station.planners import final_pose
 from experiments.servo_bus import rounding
 from experiments.stands.bridge_client import ServedProcess, free_port, open_wire
@@ -57,6 +58,7 @@ class Way:
     loss: float = 0.0  # share of the messages lost in both directions
     camera_period: float = 0.1  # between pictures [s]
     settings: tuple[str, ...] = ()  # of the scenario on both sides, `KEY=VALUE` each
+    force: str = ""  # the safety monitor's limit of the force, in YAML
     rate: float = 1.0  # seconds of both sides per real second
 
 
@@ -147,7 +149,8 @@ def run_served(way: Way, seed: int, rate: float) -> ex.Measures:
             serving += ["--set=arm.limits=null"]
         command = [sys.executable, "-m", "drake_srg", "run", *common, "--json"]
         command += [f"--hardware={file}", f"--out={ran}"]
-        command += [f"--set=safety={{watchdog: {way.watchdog}}}"]
+        force = f", force: {way.force}" if way.force else ""
+        command += [f"--set=safety={{watchdog: {way.watchdog}{force}}}"]
         station = ServedProcess(*serving)
         try:
             done = subprocess.run(
@@ -177,6 +180,9 @@ def _judge(
     off = poses[-1, :3] - goal
     stops = [stop["reason"] for stop in answer.get("safety_stops") or ()]
     told = [*stops, answer.get("failure") or answer.get("error") or ""]
+    found: ex.Measures = {}
+    if (force := hole_force(log)) is not None:
+        found["hole force"] = force
     counts = 0.0
     if way.servos == "all" and (ran / "log.npz").exists():
         log = read_log(ran / "log.npz")
@@ -184,7 +190,7 @@ def _judge(
         if len(released):
             q, _ = np.split(log["arm.state_measured"][released[0]], 2)
             counts = rounding(scenario, q, poses[-1, :3])
-    return {
+    return found | {
         "placed": bool(np.linalg.norm(off) <= scenario.task.place.tolerance),
         "claimed": bool(answer.get("claimed")),
         "told": ", ".join(dict.fromkeys(filter(None, told))),

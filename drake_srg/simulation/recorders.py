@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from drake_srg.common.systems import output_ports
+from drake_srg.common.systems import moving_joints, output_ports
 from drake_srg.gripper.tendon import motor_load
 from drake_srg.recording.camera_topics import calibration_topics
 from drake_srg.recording.output import Recorder
@@ -248,10 +248,7 @@ def _arm_joints(scenario: Scenario, robot: RobotArm) -> list[Joint]:
     if robot.arm is None:
         return []
     plant = MakeModelsPlant(scenario)
-    arm = plant.GetModelInstanceByName(robot.arm_model)
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
-    joints = [joint for joint in joints if joint.num_positions() == 1]
-    return sorted(joints, key=lambda joint: joint.position_start())
+    return moving_joints(plant, plant.GetModelInstanceByName(robot.arm_model))
 
 
 def _gripper_names(robot: RobotArm) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -207,6 +207,7 @@ def _parse(text: str, hint: Any, origin: str, key: str) -> Any:
         return value
     many = typing.get_origin(hint) is collections.abc.Sequence
     # Made from the hint, which mypy does not follow.
+    # A type that is made at run time, of which mypy knows nothing.
     schema = list[typing.get_args(hint)] if many else hint  # type: ignore[misc]
     value = check_tree(value, schema, origin, key)
     items = value if many else [value]

@@ -136,12 +136,12 @@ def judge(engine: InDrake | InMujoco, drawn: Shake, limit: float) -> ex.Measures
     engine.levitate(False)
     shaken = shake(_HOME, drawn.a_W, _FREQUENCY, _SHAKE)
 
-    def arm(t: float) -> Vector:
-        return shaken(min(max(t - _REST, 0.0), _SHAKE))
+    def arm(since: float, t: float) -> Vector:
+        return shaken(min(max(since + t - _REST, 0.0), _SHAKE))
 
     count = round((_REST + _SHAKE + _AFTER) / _LOOK)
     for i in range(count):
-        engine.advance(_LOOK, lambda t, since=i * _LOOK: arm(since + t))  # type: ignore[misc]
+        engine.advance(_LOOK, functools.partial(arm, i * _LOOK))
         if np.linalg.norm(engine.p_GO() - start) > LOST:
             return end()
         if i == count - 1 - round(_END / _LOOK):

@@ -46,9 +46,6 @@ from drake_srg.planning.servoing.hand_motion import (
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-# Speed of the joints in a period over their distance from where the set-point wants
-# them. From one constant acceleration to the next, this is critically damped.
-_FOLLOWING = 6.0 - np.sqrt(32.0)
 _LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg counts as resting [s]
@@ -169,15 +166,19 @@ class Inserting(PegMode, Carrying, abc.ABC):
         most = config.torque_limit / config.turning_stiffness
         tip.X_WT = RigidTransform(turned(X_WM.rotation(), limited(turn, most)), p)
         assert tip.X_TG is not None
+        # The joints would come to rest half a period of their speed ahead. From there,
+        # they reach the set-point after one period, unless it takes too much
+        # acceleration, which is constant in each period.
+        ahead = tip.q + 0.5 * config.period * tip.v
         twist = hand_twist(
-            arm.X_WG(tip.q),
+            arm.X_WG(ahead),
             tip.X_WT @ tip.X_TG,
-            gain=_FOLLOWING / config.period,
+            gain=1.0 / config.period,
             speed=0.25,
             turning=1.0,
         )
-        wanted = arm.step(tip.q, twist, config.period, _LEAST).q
-        change = (wanted - tip.q) / config.period - tip.v
+        wanted = arm.step(ahead, twist, config.period, _LEAST).q
+        change = (wanted - ahead) / config.period - tip.v
         most = np.max(np.abs(change) / (arm.acceleration * config.period))
         q, v = [tip.q], [tip.v, tip.v + change / max(most, 1.0)]
         # If no other command follows, the arm brakes.
