@@ -392,9 +392,10 @@ def test_a_seated_peg_is_pressed_until_the_fingers_open_but_not_pulled_aside():
     for i in range(1, round(0.5 / CONFIG.period)):
         now = moment(i * CONFIG.period, joints(bottom))
         memory = mode.update(memory, now)
-        places.append(memory.motion.destination)
+        places.append(memory.insertion.q)
     steps = np.abs(np.diff(places, axis=0))
-    assert steps[:, :3].max() < 1.01 * CONFIG.tip_speed * CONFIG.period
+    # An arm that was too slow at first catches up.
+    assert steps[:, :3].max() < 1.25 * CONFIG.tip_speed * CONFIG.period
     push = [0.0, 0.0, -CONFIG.push_force]
     assert pull(memory) == pytest.approx(push, abs=0.3)
     left = memory.insertion.X_WT.rotation().ToAngleAxis().angle()
