@@ -316,8 +316,9 @@ class Slide(Inserting):
         config = self.task.config
         wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
         across = wiggle * np.cross(_UP, tip.along)
-        force, side = config.search_force, config.side_force
-        return self.forward(tip, force, side, held=True) + across
+        # As much down as sideways: friction below 1 does not hold the peg.
+        force = config.side_force
+        return self.forward(tip, force, force, held=True) + across
 
     def progress(self, tip: Insertion) -> float:
         """Return the tip's way to the wall [m]."""
@@ -420,12 +421,31 @@ class Press(Inserting):
         return self.forward(tip, self.task.config.push_force, held=outside)
 
     def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
-        """Follow the peg's orientation R_WT, and put it upright, wobble and turn it."""
+        """Follow the peg's orientation R_WT, and put it upright, wobble and turn it.
+
+        A peg that wobbles at the rim rolls along it, and so turns about its axis. While
+        a key seeks its way, the hand turns it around the yaw at which it must go in.
+        """
+        assert tip.X_WU is not None
         R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
         R_to = turned(R_measured, self._to_upright(tip))
-        R_WT = turned(R_WT, share * rotation_vector(R_to @ R_WT.inverse()))
+        follow = rotation_vector(R_to @ R_WT.inverse())
         before, tip.twist = tip.twist, self._twist(tip, time)
-        return turned(R_WT, tip.twist - before)
+        turn = tip.twist - before
+        if not self.task.round:
+            turn[2] = 0.0
+        if self._seeks(tip):
+            config = self.task.config
+            yaw = rotation_vector(R_WT @ tip.X_WU.rotation().inverse())[2]
+            fastest = 2.0 * np.pi / _TWISTING * config.twist * config.period
+            follow[2], turn[2] = 0.0, np.clip(tip.twist[2] - yaw, -fastest, fastest)
+        return turned(turned(R_WT, share * follow), turn)
+
+    def _seeks(self, tip: Insertion) -> bool:
+        """Return whether a peg that is not round seeks its way: it hardly sinks."""
+        lag = tip.p[2] - tip.X_WT_measured.translation()[2]  # of the low-pass
+        sinks = self.task.config.drift * lag > _SINK / _SINK_TIME
+        return not (self.task.round or sinks or self._deep(tip))
 
     def _to_upright(self, tip: Insertion) -> Vector:
         """Return the turn to put a peg upright that might wedge, (3,) [rad]."""
@@ -446,12 +466,9 @@ class Press(Inserting):
         wobble = growth * _WOBBLE * np.array([np.cos(phase), np.sin(phase)])
         if self._depth(tip) < _SHALLOW and tip.twist[2] == 0.0:  # no turn has begun
             tip.entered_at = time
-        turn, began = tip.twist[2], tip.entered_at
-        if not self.task.round:
-            began = tip.progress_at + 0.5 * _WITHOUT
-        if time > began:
-            turn = np.sin(2.0 * np.pi * (time - began) / _TWISTING)
-            turn *= self.task.config.twist
+        began = tip.entered_at if self.task.round else tip.pressed_at
+        turn = np.sin(2.0 * np.pi * (time - began) / _TWISTING)
+        turn *= self.task.config.twist
         return np.array([*wobble, turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
