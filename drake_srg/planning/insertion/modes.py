@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.insertion.config import (
@@ -37,7 +36,6 @@ from drake_srg.planning.pick_and_place.modes import (
 from drake_srg.planning.pick_and_place.replanning import Replanner
 from drake_srg.planning.planner_machine import Observation
 from drake_srg.planning.servoing.hand_motion import (
-    hand_twist,
     limited,
     rotation_vector,
     turned,
@@ -46,7 +44,6 @@ from drake_srg.planning.servoing.hand_motion import (
 from drake_srg.types import AnyMode, Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_LEAST = 0.02  # singular value of the arm's Jacobian below which it is damped
 _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg counts as resting [s]
 # The same in the hole [s], where a tight peg creeps until it is upright.
@@ -149,9 +146,8 @@ class Inserting(PegMode, Carrying, abc.ABC):
         if progress > tip.progress + _PROGRESS:
             tip.progress, tip.progress_at = progress, now.time
         R_WT = self.rotation(tip, now.time, share)
-        p, target = tip.X_WT.translation(), self.pull_to(tip, now.time)
-        speed = self.haste * config.tip_speed
-        p = p + limited(target - p, speed * config.period)
+        p, most = tip.X_WT.translation(), self.haste * config.tip_speed * config.period
+        p = p + limited(self.pull_to(tip, now.time) - p, most)
         self._command(memory, tip, RigidTransform(R_WT, p), now.time)
         return memory
 
@@ -166,30 +162,9 @@ class Inserting(PegMode, Carrying, abc.ABC):
         most = config.torque_limit / config.turning_stiffness
         tip.X_WT = RigidTransform(turned(X_WM.rotation(), limited(turn, most)), p)
         assert tip.X_TG is not None
-        # The joints would come to rest half a period of their speed ahead. From there,
-        # they reach the set-point after one period, unless it takes too much
-        # acceleration, which is constant in each period.
-        ahead = tip.q + 0.5 * config.period * tip.v
-        twist = hand_twist(
-            arm.X_WG(ahead),
-            tip.X_WT @ tip.X_TG,
-            gain=1.0 / config.period,
-            speed=0.25,
-            turning=1.0,
-        )
-        wanted = arm.step(ahead, twist, config.period, _LEAST).q
-        change = (wanted - ahead) / config.period - tip.v
-        most = np.max(np.abs(change) / (arm.acceleration * config.period))
-        q, v = [tip.q], [tip.v, tip.v + change / max(most, 1.0)]
-        # If no other command follows, the arm brakes.
-        braking = max(np.max(np.abs(v[1]) / arm.acceleration), config.period)
-        v.append(np.zeros_like(tip.v))
-        for i, duration in enumerate((config.period, braking)):
-            q.append(q[i] + 0.5 * duration * (v[i] + v[i + 1]))
-        breaks = [0.0, config.period, config.period + braking]
-        way = PiecewisePolynomial.CubicHermite(breaks, np.transpose(q), np.transpose(v))
-        tip.q, tip.v = q[1], v[1]
-        memory.motion = Motion(q[0], way, time, time + config.period)
+        q, v, way = arm.track(tip.q, tip.v, tip.X_WT @ tip.X_TG, config.period)
+        memory.motion = Motion(tip.q, way, time, time + config.period)
+        tip.q, tip.v = q, v
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the target of the set-point, shape (3,) [m]."""
@@ -284,8 +259,8 @@ class Search(Inserting):
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the set-point that pulls the tip straight down, (3,) [m]."""
-        lower = self.forward(tip, self.task.config.search_force)
-        return np.array([*tip.X_WT.translation()[:2], lower[2]])
+        down = self.forward(tip, self.task.config.search_force)[2]
+        return np.array([*tip.X_WT.translation()[:2], down])
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
         """Report that the tip rests."""
@@ -313,11 +288,10 @@ class Slide(Inserting):
 
     def pull_to(self, tip: Insertion, time: float) -> Vector:
         """Return the set-point that pulls down, to the wall and across, (3,) [m]."""
-        config = self.task.config
         wiggle = _DITHER * np.sin(2.0 * np.pi * _FREQUENCY * time)
         across = wiggle * np.cross(_UP, tip.along)
         # As much down as sideways: friction below 1 does not hold the peg.
-        force = config.side_force
+        force = self.task.config.side_force
         return self.forward(tip, force, force, held=True) + across
 
     def progress(self, tip: Insertion) -> float:
@@ -355,8 +329,7 @@ class Spiral(Inserting):
     def radius(self, tip: Insertion, time: float) -> float:
         """Return the radius of the spiral [m].
 
-        At a constant speed v, the length v t of a spiral of pitch p is about pi r^2 /
-        p.
+        A spiral of pitch p has about the length pi r^2 / p, here speed times time.
         """
         length = self.task.config.tip_speed * (time - tip.spiral_at)
         return float(np.sqrt(length * self.task.config.spiral_pitch / np.pi))
@@ -427,18 +400,16 @@ class Press(Inserting):
         a key seeks its way, the hand turns it around the yaw at which it must go in.
         """
         assert tip.X_WU is not None
-        R_WT, R_measured = tip.X_WT.rotation(), tip.X_WT_measured.rotation()
-        R_to = turned(R_measured, self._to_upright(tip))
+        R_WT = tip.X_WT.rotation()
+        R_to = turned(tip.X_WT_measured.rotation(), self._to_upright(tip))
         follow = rotation_vector(R_to @ R_WT.inverse())
         before, tip.twist = tip.twist, self._twist(tip, time)
-        turn = tip.twist - before
-        if not self.task.round:
-            turn[2] = 0.0
+        turn = (tip.twist - before) * [1.0, 1.0, self.task.round]
         if self._seeks(tip):
-            config = self.task.config
             yaw = rotation_vector(R_WT @ tip.X_WU.rotation().inverse())[2]
-            fastest = 2.0 * np.pi / _TWISTING * config.twist * config.period
-            follow[2], turn[2] = 0.0, np.clip(tip.twist[2] - yaw, -fastest, fastest)
+            most = 2.0 * np.pi / _TWISTING * self.task.config.twist
+            most *= self.task.config.period
+            follow[2], turn[2] = 0.0, np.clip(tip.twist[2] - yaw, -most, most)
         return turned(turned(R_WT, share * follow), turn)
 
     def _seeks(self, tip: Insertion) -> bool:
@@ -468,13 +439,11 @@ class Press(Inserting):
             tip.entered_at = time
         began = tip.entered_at if self.task.round else tip.pressed_at
         turn = np.sin(2.0 * np.pi * (time - began) / _TWISTING)
-        turn *= self.task.config.twist
-        return np.array([*wobble, turn])
+        return np.array([*wobble, self.task.config.twist * turn])
 
     def stalled(self, tip: Insertion, time: float) -> bool:
         """Return whether the peg rests, with its key turned once to both sides."""
-        free = self.task.round or self._deep(tip)
-        twists = self.task.config.twist and not free
+        twists = self.task.config.twist and not (self.task.round or self._deep(tip))
         return time - tip.progress_at > _PATIENCE + (_TWISTING if twists else 0.0)
 
     def _deep(self, tip: Insertion) -> bool:

@@ -14,10 +14,13 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.types import Vector
 
+_LEAST = 0.02  # singular value below which `track` damps a direction
+_TRACKING, _TURNING = 0.25, 1.0  # largest speeds of `track` [m/s], [rad/s]
 _SPEED = 0.9  # share of the joints' velocity limits that may be used
 
 
@@ -66,6 +69,42 @@ class ServoArm(ArmModel):
         after = np.clip(q + period / slower * velocity, self.lower, self.upper)
         made = jacobian @ (after - q) / period
         return JointStep(after, float(made @ twist) / max(float(twist @ twist), 1e-12))
+
+    def track(
+        self, q: Vector, v: Vector, X_WG: RigidTransform, period: float
+    ) -> tuple[Vector, Vector, PiecewisePolynomial]:
+        """Return the joints after a step towards a pose of the hand, and the way there.
+
+        They reach it within two periods, unless it takes more than their speeds and
+        accelerations. The acceleration is constant. After the period, the trajectory
+        goes on until the arm rests, in case that no further step follows.
+
+        Args:
+            q: Positions of the joints, shape (N,) [rad].
+            v: Their velocities, shape (N,) [rad/s].
+            X_WG: The hand's goal.
+            period: Duration of the step [s].
+
+        Returns:
+            Positions and velocities after the step, and the trajectory.
+        """
+        # To reach the goal from here, the joints move on while they brake.
+        ahead = q + 0.5 * period * v
+        twist = hand_twist(
+            self.X_WG(ahead), X_WG, gain=1.0 / period, speed=_TRACKING, turning=_TURNING
+        )
+        wanted = self.step(ahead, twist, period, _LEAST).q
+        change = (wanted - ahead) / period - v
+        most = float(np.max(np.abs(change) / (self.acceleration * period)))
+        v_after = v + change / max(most, 1.0)
+        q_after = q + 0.5 * period * (v + v_after)
+        braking = max(float(np.max(np.abs(v_after) / self.acceleration)), period)
+        way = PiecewisePolynomial.CubicHermite(
+            [0.0, period, period + braking],
+            np.column_stack([q, q_after, q_after + 0.5 * braking * v_after]),
+            np.column_stack([v, v_after, np.zeros_like(v)]),
+        )
+        return q_after, v_after, way
 
 
 def interaction_matrix(points: Vector, depths: Vector) -> Vector:

@@ -53,7 +53,7 @@ class Measured:
 class FreeHand:
     """A hand with six joints: its position and its roll, pitch and yaw."""
 
-    step = ServoArm.step
+    step, track = ServoArm.step, ServoArm.track
     speed, lower, upper = np.full(6, 10.0), np.full(6, -10.0), np.full(6, 10.0)
     acceleration = np.full(6, 10.0)
 
