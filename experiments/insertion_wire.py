@@ -4,18 +4,20 @@ The third case has a force limit below the push. There, the safety monitor must 
 the arm.
 """
 
+import dataclasses as dc
+
 import experiments.runner as ex
 from experiments.hardware_loop import Way, run_served
 from experiments.insertion import MOST_FORCE
 
 _RATE = 0.15  # simulated seconds per real second, which two busy cores reach
-_LATE = {"latency": 0.02, "lead": 0.12}
+_LATE = Way("insert", latency=0.02, lead=0.12)
 _LIMIT = "{hand: {transient: 8.0, quasi_static: 4.0}}"  # [N]
 _LIMITED = f"{{profile: {_LIMIT}, regions: [hand]}}"
 WAYS = {
     "no delay": Way("insert"),
-    "20 ms late": Way("insert", **_LATE),
-    "20 ms late, force limit": Way("insert", force=_LIMITED, **_LATE),
+    "20 ms late": _LATE,
+    "20 ms late, force limit": dc.replace(_LATE, force=_LIMITED),
 }
 
 
