@@ -48,7 +48,7 @@ _PROGRESS = 2e-4  # least motion that is progress [m]
 _WITHOUT = 0.4  # time without progress after which the peg counts as resting [s]
 # The same in the hole [s], where a tight peg creeps until it is upright.
 _PATIENCE = 1.5
-_LATE = 6.0  # longest duration of any of these modes [s]
+_LATE = 6.0  # longest duration of a tilt [s]
 _DITHER, _FREQUENCY = 6e-4, 3.0  # across the way to the wall [m], [Hz]
 # Tilt at which the hand stops when it puts the peg upright [rad]. Between the pads, the
 # peg lags by 3 to 7 degrees.
@@ -245,11 +245,12 @@ class Tilt(Inserting):
         return tip.X_WU.translation() + aside * tip.along + up * _UP + across
 
     def observe_tip(self, tip: Insertion, time: float) -> Observation:
-        """Report that the peg is in place and tilted, or late."""
+        """Report that the peg is in place and tilted, or that something holds it."""
         there = np.linalg.norm(self.pull_to(tip, time) - tip.X_WT.translation()) < 5e-4
         turned = abs(self.turn_to(tip) - tip.angle) < 1e-3
         late = time - tip.progress_at > _LATE
-        return Observation(arrived=bool(there and turned) or late)
+        failure = Failure.STOPPED if late else None
+        return Observation(arrived=bool(there and turned), failure=failure)
 
 
 class Search(Inserting):

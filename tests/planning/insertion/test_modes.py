@@ -134,6 +134,14 @@ def test_the_tilted_edge_is_inside_the_rim():
     assert edge[2] > RIM[2]
 
 
+def test_a_hand_that_does_not_get_over_the_hole_is_stopped():
+    held = RIM - 0.01 * UP
+    _, seen = run(Tilt(TASK, None, 1), make_memory(held), held, 5.0)
+    assert not seen.arrived and seen.failure is None
+    _, seen = run(Tilt(TASK, None, 1), make_memory(held), held, 6.5)
+    assert seen.failure is Failure.STOPPED
+
+
 def test_a_tip_at_rest_is_pulled_with_the_search_force_and_found():
     memory, seen = run(Search(TASK, None, 1), make_memory(RIM), RIM, 1.0)
     assert pull(memory) == pytest.approx([0.0, 0.0, -CONFIG.search_force], abs=0.05)
