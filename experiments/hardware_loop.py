@@ -58,7 +58,7 @@ class Way:
     loss: float = 0.0  # share of the messages lost in both directions
     camera_period: float = 0.1  # between pictures [s]
     settings: tuple[str, ...] = ()  # of the scenario on both sides, `KEY=VALUE` each
-    force: str = ""  # the safety monitor's limit of the force, in YAML
+    force: str = ""  # limit of the force at the tool, in YAML
     rate: float = 1.0  # seconds of both sides per real second
 
 
@@ -209,7 +209,8 @@ def robot_file(
     """
     ros = "Ros1" if way.wire == "ROS 1" else "Ros2"
     bus: dict[str, Any] = {"port": f"tcp:127.0.0.1:{port}", "timeout": _SILENCE}
-    arm = f"!{ros}Arm {{lead: {way.lead}, stream: {way.stream}}}"
+    feels = ", external_torque: /arm/external_torque" if way.force else ""
+    arm = f"!{ros}Arm {{lead: {way.lead}, stream: {way.stream}{feels}}}"
     gripper = f"!{ros}Gripper {{}}"
     if way.servos == "gripper":
         gripper = f"!DynamixelGripper {bus | {'id': 1} | _SRG}"

@@ -14,10 +14,12 @@ _RATE = 0.15  # simulated seconds per real second, which two busy cores reach
 _LATE = Way("insert", latency=0.02, lead=0.12)
 _LIMIT = "{hand: {transient: 8.0, quasi_static: 4.0}}"  # [N]
 _LIMITED = f"{{profile: {_LIMIT}, regions: [hand]}}"
+# So the served arm publishes its external torques. It is far beyond any of them.
+_FEELS = ("planner.max_external_torque=[300, 300, 300, 300, 300, 300, 300]",)
 WAYS = {
     "no delay": Way("insert"),
     "20 ms late": _LATE,
-    "20 ms late, force limit": dc.replace(_LATE, force=_LIMITED),
+    "20 ms late, force limit": dc.replace(_LATE, force=_LIMITED, settings=_FEELS),
 }
 
 
