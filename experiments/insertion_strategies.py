@@ -1,4 +1,4 @@
-"""Strategies of insertion, with a hand that yields and with one that hardly does.
+"""Strategies of insertion, with a hand that yields and with a stiffer one.
 
 The trials are those of `insert_varied` with a clearance of 0.1 mm: the same seed draws
 the same part and the same error of the goal for every strategy. The stiff hand has the
