@@ -1,11 +1,20 @@
-"""Pegs that cannot be inserted, and the hand's hold on those that can.
+"""Insertions: what cannot be inserted, strategies, wires, and the hand's hold on a peg.
 
 `insertion_told` checks that the planner names the cause if an insertion is impossible:
 a plate without a hole, a hole that is 0.05 mm too narrow, and a hole with a plug in it.
 
 `insertion_turn` presses on the end of a held peg with rising force, until it leaves the
 pads. Soft fingers alone might lead a peg into a hole, if they gave way and came back.
+
+`insertion_strategies` draws the same parts and errors of the goal for every strategy.
+The stiffer hand has the greatest stiffness of KUKA's Sunrise.OS, so that mainly the
+fingers yield.
+
+`insertion_wire` has the planner in one process and a served cell in another. With a
+force limit below the push, the safety monitor must stop the arm.
 """
+
+import dataclasses as dc
 
 import numpy as np
 
@@ -16,6 +25,7 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.planning.grasps.srg_hand import pinch_angles
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder
+from experiments.hardware_loop import Way, run_served
 from experiments.stands.holding import push
 
 HOLES = {
@@ -97,4 +107,85 @@ insertion_turn = ex.Experiment(
         ex.Bars(["held up to"]),
         ex.Bars(["fallen"]),
     ],
+)
+
+
+STRATEGIES = ("tilt", "spiral", "push")
+# Stiffness of the hand [N/m], [N m/rad].
+HANDS = {"yielding": (2000.0, 200.0), "stiffer": (5000.0, 300.0)}
+
+
+def strategy_trial(strategy: str, hand: str, seed: int) -> ex.Measures:
+    along, about = HANDS[hand]
+    changes = [
+        *('chosen.clearance="0.1 mm"', f"planner.strategy={strategy}"),
+        *(f"planner.stiffness={along}", f"planner.turning_stiffness={about}"),
+        f"arm.cartesian.translation=[{along}, {along}, {along}]",
+        f"arm.cartesian.rotation={about}",
+    ]
+    scenario = load_scenario("insert_varied", seed=seed, overrides=changes)
+    metrics = Simulate(scenario).metrics
+    return {
+        "inserted": metrics.success,
+        "force": metrics.hole_force_n,
+        "cycle": metrics.cycle_time_s,
+    }
+
+
+def strategy_summary(own: ex.Trials) -> ex.Values:
+    cycles = own.known("cycle")
+    return ex.share("inserted", sum(own["inserted"]), len(own), spread=0.3) | {
+        "largest force on the hole [N]": max(own["force"]),
+        "median cycle [s]": np.median(cycles) if len(cycles) else np.nan,
+    }
+
+
+insertion_strategies = ex.Experiment(
+    "Insertion at 0.1 mm: strategies, with a yielding and with a stiffer hand.",
+    lambda trials=10, seed=76000: ex.grid(
+        seed=range(seed, seed + trials), strategy=STRATEGIES, hand=HANDS
+    ),
+    strategy_trial,
+    by=("strategy", "hand"),
+    summary=strategy_summary,
+    picture=[
+        ex.Bars(["inserted"]),
+        ex.Bars(["largest force on the hole"]),
+        ex.Bars(["median cycle"]),
+    ],
+)
+
+
+_RATE = 0.15  # simulated seconds per real second, which two busy cores reach
+_LATE = Way("insert", latency=0.02, lead=0.12)
+_LIMIT = "{hand: {transient: 8.0, quasi_static: 4.0}}"  # [N]
+WAYS = {
+    "no delay": Way("insert"),
+    "20 ms late": _LATE,
+    "20 ms late, force limit": dc.replace(
+        _LATE,
+        force=f"{{profile: {_LIMIT}, regions: [hand]}}",
+        # With any such limit, the served arm publishes its external torques.
+        settings=(f"planner.max_external_torque={7 * [300.0]}",),
+    ),
+}
+
+
+def wire_summary(own: ex.Trials) -> ex.Values:
+    stopped = sum("force" in told.split(", ") for told in own["told"])
+    found: ex.Values = {
+        "force on the hole [N]": (max(own["hole force"]), ex.at_most(MOST_FORCE))
+    }
+    if "limit" in own.name:
+        return found | {"stopped by the limit []": (stopped, ex.at_least(len(own)))}
+    return found | {"inserted []": (sum(own["placed"]), ex.at_least(len(own)))}
+
+
+insertion_wire = ex.Experiment(
+    "Insertions over ROS 2: with delay, and with a force limit.",
+    lambda seeds=3: ex.grid(seed=range(seeds), way=WAYS),
+    lambda seed, way: run_served(WAYS[way], seed, _RATE),
+    by=("way",),
+    summary=wire_summary,
+    serial=True,
 )

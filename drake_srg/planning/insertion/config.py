@@ -44,8 +44,8 @@ class Insert(PlannerConfig):
     over: bool = False
     # Amplitude of the turns about its axis [rad]. A cylinder turns once it has entered,
     # so that friction acts along the turn and hardly resists the descent. A box, the
-    # proxy of a peg with a key or corners, turns while it goes no deeper, to find its
-    # way.
+    # proxy of a peg with a key or corners, turns around its goal while it hardly sinks,
+    # to find its way.
     twist: float = dc.field(default=0.15, metadata={"ge": 0.0, "le": 0.2})
     # Height over the hole at which the insertion begins [m].
     hover: float = dc.field(default=0.008, metadata=positive())
@@ -53,8 +53,8 @@ class Insert(PlannerConfig):
     stiffness: float = dc.field(default=2000.0, metadata=positive())
     turning_stiffness: float = dc.field(default=200.0, metadata=positive())
     # Forces with which the hand pulls the peg [N]: down in search of the hole, sideways
-    # against its wall, and down into it. No set-point pulls harder than `force_limit`
-    # [N] and `torque_limit` [N m].
+    # against its wall (on the way there, as much down), and down into it. No set-point
+    # pulls harder than `force_limit` [N] and `torque_limit` [N m].
     search_force: float = dc.field(default=5.0, metadata=positive())
     side_force: float = dc.field(default=3.0, metadata=positive())
     push_force: float = dc.field(default=6.0, metadata=positive())
@@ -98,7 +98,7 @@ class Insertion(Memory):
     """Progress of an insertion; T is the peg's tip, z along the peg into the hand."""
 
     tries: int = 0
-    # Commanded turn in addition to the followed orientation, shape (3,) [rad].
+    # Wobble beyond the followed orientation, and turn about the axis, shape (3,) [rad].
     twist: Vector = dc.field(default_factory=lambda: np.zeros(3))
     spiral_at: float = 0.0  # when the spiral began [s]
     fallen_at: float = 0.0  # until then, the edge was no deeper than at first [s]

@@ -397,8 +397,8 @@ class Press(Inserting):
     def rotation(self, tip: Insertion, time: float, share: float) -> RotationMatrix:
         """Follow the peg's orientation R_WT, and put it upright, wobble and turn it.
 
-        A peg that wobbles at the rim rolls along it, and so turns about its axis. While
-        a key seeks its way, the hand turns it around the yaw at which it must go in.
+        A peg that wobbles at the rim also rolls. So, while a key seeks its way, the
+        hand turns it around its goal's yaw. Once it has found its way, it stays there.
         """
         assert tip.X_WU is not None
         R_WT = tip.X_WT.rotation()
@@ -431,7 +431,7 @@ class Press(Inserting):
         """Return the wobble, and the turn about the peg's axis, (3,) [rad].
 
         While a peg that has entered turns, friction acts along the turn and hardly
-        against the way down. A key that has found its way stays there.
+        against the way down.
         """
         phase = 2.0 * np.pi * _WOBBLING * (time - tip.pressed_at)
         growth = min((time - tip.pressed_at) * _WOBBLING, 1.0)
